@@ -7,6 +7,8 @@ References
 Schnabel, R., Wahl, R. and Klein, R. (2007). Efficient RANSAC for point-cloud shape detection.
 Computer Graphics Forum 26(2), 214-226: samples from the cells of an octree.
 Morton, G. M. (1966). A computer oriented geodetic data base. IBM: the order of the cells.
+von Neumann, J. (1941). Distribution of the ratio of the mean square successive difference to the
+variance. Annals of Mathematical Statistics 12(4), 367-395: what neighbours have in common.
 """
 
 from __future__ import annotations
@@ -184,17 +186,19 @@ def _scale(
     """Shares of cells that are planes and that are flat, their noise, distance of neighbours.
 
     The points of a plane lie as close to it in a large piece as in a small one. Where they do not,
-    the surface is bent, or is none, or is two: a wall and the panes in it.
+    the surface is bent, or is none, or is two: a wall and the panes in it. So it is where
+    neighbours have much of their distance from the plane in common.
     """
     starts, levels = _leaves(keys, most, kernels.LEVELS)
     some = np.linspace(0, len(levels) - 1, min(len(levels), LOOKED_AT)).astype(np.int64)
-    found = np.empty((len(some), 5))
+    found = np.empty((len(some), 6))
     piece = max(MOST, most // 16) if most > MOST else 0  # a quarter as wide, but for the first
     kernels.at_scales(some, xyz, keys, starts, levels, piece, found)
-    middle, least, middle_above, least_above, within = found.T
+    middle, least, middle_above, least_above, within, between = found.T
     flat = (least < THICK * middle) & (least_above < THICK * middle_above)
     rounding = (ROUNDING * side) ** 2
     plane = flat & (least_above <= SAME * least + rounding) & (least <= SAME * within + rounding)
+    plane &= least_above <= SAME * between + rounding
     count = np.diff(starts)[some]
     if not flat.any():
         return 0.0, 0.0, 0.0, 0.0

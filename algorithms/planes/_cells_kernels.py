@@ -68,14 +68,15 @@ def leaves(sorted_keys, most, deepest, starts, levels):
 
 @njit(cache=True, nogil=True)
 def at_scales(some, xyz, keys, starts, levels, piece, found):
-    """Fill in the middle and least variance of leaves and of the cells above, and within leaves.
+    """Fill in the middle and least variance of leaves and of the cells above, and within them.
 
     Parameters
     ----------
     some : array of shape (k,), leaves
     piece : points of a piece of a leaf; 0 to look at none
-    found : array of shape (k, 5) to fill, the last with the median of the least variances of the
-        pieces; infinity where there are too few points
+    found : array of shape (k, 6) to fill, the last two with the median of the least variances of
+        the pieces of the leaf, and the variance between neighbours in the cell above; infinity
+        where there are too few points
     """
     for k in range(len(some)):
         leaf = some[k]
@@ -85,8 +86,10 @@ def at_scales(some, xyz, keys, starts, levels, piece, found):
             if step > 0:
                 start, stop = _above(keys, start, stop, levels[leaf] - step)
             if stop - start >= FEWEST:
-                middle, least, _, _, _ = _axes(xyz, start, stop)
+                middle, least, x, y, z = _axes(xyz, start, stop)
                 found[k, 2 * step], found[k, 2 * step + 1] = middle, least
+                if step > 0:
+                    found[k, 5] = between_neighbours(xyz[start:stop], x, y, z)
         start, stop = starts[leaf], starts[leaf + 1]
         count = (stop - start) // piece if piece > 0 else 0
         if count > 1:
@@ -96,6 +99,48 @@ def at_scales(some, xyz, keys, starts, levels, piece, found):
                 _, least, _, _, _ = _axes(xyz, first, first + piece)
                 within[k_piece] = least
             found[k, 4] = np.median(within)
+
+
+@njit(cache=True, nogil=True)
+def between_neighbours(xyz, x, y, z):
+    """Variance across a plane that neighbours on it do not have in common (von Neumann 1941).
+
+    Neighbours follow each other in strips along the plane, forth and back. They are chosen by
+    their place on the plane alone, so that they differ across it as any two do, if it is noise.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    x, y, z : normal of the plane
+    """
+    count = len(xyz)
+    normal = np.array([x, y, z])
+    first = np.zeros(3)
+    first[np.argmin(np.abs(normal))] = 1.0
+    first = np.cross(normal, first)
+    first /= np.sqrt(np.sum(first**2))
+    second = np.cross(normal, first)
+    along, strip, across = np.empty(count), np.empty(count), np.empty(count)
+    for i in range(count):
+        along[i] = strip[i] = across[i] = 0.0
+        for axis in range(3):
+            away = xyz[i, axis] - xyz[0, axis]
+            strip[i] += away * first[axis]
+            along[i] += away * second[axis]
+            across[i] += away * normal[axis]
+    low, high = strip.min(), strip.max()
+    length = along.max() - along.min()
+    strips = max(1, int(np.sqrt(count) / 2))
+    for i in range(count):
+        number = min(strips - 1, int(strips * (strip[i] - low) / max(high - low, 1e-300)))
+        turn = 1.0 if number % 2 == 0 else -1.0
+        strip[i] = 3.0 * number * length + turn * along[i]
+    total, before = 0.0, -1
+    for i in np.argsort(strip):
+        if before >= 0:
+            total += (across[i] - across[before]) ** 2
+        before = i
+    return total / (2 * (count - 1))
 
 
 @helper

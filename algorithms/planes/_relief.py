@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import binary_dilation, label, uniform_filter
 
 from algorithms.planes._fronts import Front
 from algorithms.planes._outlines import View
@@ -198,8 +198,7 @@ def _plane(
     index: int, uv: Floats, away: Floats, ids: NDArray[Any], shades: Floats | None
 ) -> _Plane:
     part = np.flatnonzero(ids == index + 1)
-    size = np.ptp(np.quantile(uv[part], INNER, axis=0), axis=0)
-    holes = _holes(uv[part])
+    size, holes = _size(uv[part]), _holes(uv[part])
     part = part[:: 1 + len(part) // FEW]
     shade = np.full(1, np.nan) if shades is None else shades[part]
     return _Plane(index, *_robust(away[part]), size, *_robust(shade), holes)
@@ -211,15 +210,32 @@ def _robust(values: Floats) -> tuple[float, float]:
     return middle, DEVIATION * float(np.median(np.abs(values - middle)))
 
 
+def _size(uv: Floats) -> Floats:
+    """Width and height of the piece of a plane with the most points.
+
+    The panes of windows above each other may be one plane, and larger than an opening.
+    """
+    held, row, column = _held(uv)
+    piece = label(binary_dilation(held), np.ones((3, 3), bool))[0][row, column]
+    largest = uv[piece == np.bincount(piece).argmax()]
+    return np.asarray(np.ptp(np.quantile(largest, INNER, axis=0), axis=0))
+
+
+def _held(uv: Floats) -> tuple[Mask, Ints, Ints]:
+    """Squares that hold points of a plane, and row and column of each point."""
+    side = 2 * _apart(uv)
+    row, column = np.floor((uv - uv.min(axis=0)).T[::-1] / side).astype(np.int64)
+    held = np.zeros((row.max() + 1, column.max() + 1), bool)
+    held[row, column] = True
+    return held, row, column
+
+
 def _holes(uv: Floats) -> float:
     """Share of the squares inside a plane that hold none of its points.
 
     Inside is what has points to the left, right, above and below.
     """
-    side = 2 * _apart(uv)
-    row, column = np.floor((uv - uv.min(axis=0)).T[::-1] / side).astype(np.int64)
-    held = np.zeros((row.max() + 1, column.max() + 1), bool)
-    held[row, column] = True
+    held, _, _ = _held(uv)
     inner = np.ones_like(held)
     for axis in (0, 1):
         for some in (held, np.flip(held, axis)):

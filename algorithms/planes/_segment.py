@@ -17,7 +17,8 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.planes import _search_kernels as kernels
-from algorithms.planes._cells import ROUNDING, Cells, sort_into_cells
+from algorithms.planes._cells import ROUNDING, SAME, Cells, sort_into_cells
+from algorithms.planes._cells_kernels import between_neighbours
 from algorithms.planes._search import Patch, Rules, Search, plane_of
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.plane_fit import Plane, is_line
@@ -27,6 +28,9 @@ from toolbox.errors import DataError
 GAPS = 4.0  # widest gap of a plane over the distance of neighbours
 STRIP = 3.0  # the same over the tolerance
 NOISES = 3.3  # tolerance over the noise: 99.9 % of the points of a plane
+FINEST = 2.0  # the same, if a wider one joins surfaces: with less, planes fall to pieces
+FILLED = 0.45  # spread over the tolerance: 0.30 of noise alone, 0.58 of points evenly within it
+MUCH = 0.5  # share of the points that are on joined surfaces
 FEW = 5_000  # points that tell how wide a plane is
 NEAR = 3.0  # distance of planes over the tolerance, if one may be the noise of the other
 ROUNDS = 20  # of a robust fit
@@ -66,8 +70,9 @@ def segment(xyz: Floats, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     Parameters
     ----------
     xyz : array of shape (n, 3)
-    rules : what makes a plane; a tolerance of 0 takes NOISES times the noise, a gap of 0 GAPS
-        times the distance of neighbours, but no less than STRIP times the tolerance
+    rules : what makes a plane; a tolerance of 0 takes NOISES times the noise, or less where that
+        joins surfaces; a gap of 0 takes GAPS times the distance of neighbours, but no less than
+        STRIP times the tolerance
     ctx : progress and cancellation
 
     Returns
@@ -108,9 +113,16 @@ def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segmen
     tolerance = rules.tolerance or max(NOISES * cells.noise, least)
     # A plane that is found later lacks the strip along its edges that the one before has taken.
     gap = rules.gap or max(GAPS * cells.apart, STRIP * tolerance, 4 * least)
-    rules = replace(rules, tolerance=tolerance, gap=gap)
-    patches, trials = _patches(cells, rules, ctx.part(0.0, 0.7))
-    owner = _owners(cells, patches, rules, ctx.part(0.7, 1.0))
+    asked = rules
+    rules = replace(asked, tolerance=tolerance, gap=gap)
+    patches, trials = _patches(cells, rules, ctx.part(0.0, 0.5))
+    owner = _owners(cells, patches, rules, ctx.part(0.5, 0.7))
+    finer = 0.0 if asked.tolerance else _if_joined(cells, patches, owner, tolerance)
+    if finer > least:
+        left = asked.max_trials - trials
+        finely = replace(asked, tolerance=FINEST * finer, max_trials=left)
+        made = segment_cells(replace(cells, noise=finer), finely, ctx=ctx.part(0.7, 1.0))
+        return replace(made, trials=made.trials + trials)
     ids = np.empty(len(owner), np.int32)
     ids[cells.order] = owner
     planes = [
@@ -119,6 +131,29 @@ def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segmen
     ]
     ctx.progress(1.0)
     return Segments(ids, planes, rules, cells.noise, trials)
+
+
+def _if_joined(
+    cells: Cells, patches: list[Patch], owner: NDArray[np.int32], tolerance: float
+) -> float:
+    """The noise, if planes are several surfaces joined into one by a tolerance too wide; else 0.
+
+    The points of such a plane fill the tolerance, and neighbours have much of their distance from
+    the plane in common, which they do not in noise: a wall, and the panes not far behind it.
+    """
+    joined = []
+    sizes = np.bincount(owner, minlength=len(patches) + 1)[1:]
+    for patch, part in zip(patches, parts_of(owner, len(patches)), strict=True):
+        some = cells.xyz[part[:: 1 + len(part) // FEW]]
+        variance = float(np.var(some @ patch.plane[:3]))
+        if variance > (FILLED * tolerance) ** 2:
+            between = between_neighbours(some, *patch.plane[:3])
+            if variance > SAME * between:
+                joined.append((between, len(part)))
+    variances, counts = np.array(joined).reshape(-1, 2).T
+    if counts.sum() <= MUCH * sizes.sum():
+        return 0.0
+    return math.sqrt(np.average(variances, weights=counts))
 
 
 def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int]:

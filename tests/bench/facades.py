@@ -137,6 +137,13 @@ PALACES = (  # relief and noise in metres, seed
     (0.3, 0.05, 58),
 )
 REAL = "facade_street_openings/facade_{}.txt.gz"
+# Of the real fronts: share of the points, noise in metres that is added, degrees turned, seed
+WORSE = (
+    *((1.0, 0.0, degrees, 0) for degrees in (33, 75)),
+    *((0.5, 0.0, 0, seed) for seed in (11, 12, 13)),
+    *((1.0, 0.02, 0, seed) for seed in (11, 12, 13)),
+    (0.5, 0.02, 75, 14),
+)
 
 
 def _openings() -> None:
@@ -163,15 +170,38 @@ def _openings() -> None:
             say(f"facades  {REAL.format(number)} is not there")
             continue
         table = np.loadtxt(path, skiprows=1)
-        kind, of_kind = table[:, 4], table[:, 5]
-        true = [
-            table[(kind == k) & (of_kind == n), :3]
-            for k in (2, 3)
-            for n in np.unique(of_kind[kind == k])
-        ]
         for shade in (table[:, 3].astype(np.uint16), None):
             bare = "" if shade is not None else " without intensity"
-            say(f"facades  real front {number}{bare}  {_f1(table[:, :3], shade, true)}")
+            say(f"facades  real front {number}{bare}  {_f1(table[:, :3], shade, _labelled(table))}")
+        for share, noise, degrees, seed in WORSE:
+            worse = _worsened(table, share, noise, degrees, seed)
+            found = _f1(worse[:, :3], worse[:, 3].astype(np.uint16), _labelled(worse))
+            say(
+                f"facades  real front {number}, {100 * share:.0f} % of the points, "
+                f"{100 * noise:.0f} cm of noise added, turned by {degrees}  {found}"
+            )
+
+
+def _labelled(table: Any) -> list[Any]:
+    """Points of each door and window."""
+    import numpy as np
+
+    kind, number = table[:, 4], table[:, 5]
+    return [
+        table[(kind == k) & (number == n), :3] for k in (2, 3) for n in np.unique(number[kind == k])
+    ]
+
+
+def _worsened(table: Any, share: float, noise: float, degrees: float, seed: int) -> Any:
+    """Some of the points, scattered and turned."""
+    import numpy as np
+
+    rng = np.random.default_rng(seed)
+    some = table[rng.random(len(table)) < share]
+    some[:, :3] += rng.normal(0.0, noise, (len(some), 3))
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    some[:, :2] = some[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
+    return some
 
 
 def _f1(xyz: Any, intensity: Any, true: list[Any]) -> str:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.planes._cells import sort_into_cells
+from algorithms.planes._cells_kernels import between_neighbours
 from algorithms.planes._search import Rules, Search
 from algorithms.planes.extract import PlanesExtract
 from algorithms.samples.scene import scene
@@ -303,6 +304,29 @@ def test_steps_of_a_wall_are_not_its_noise() -> None:
     assert sort_into_cells(np.column_stack([u, away, v])).noise < 0.015
 
 
+def test_neighbours_tell_noise_from_steps() -> None:
+    """Neighbours differ across a plane as any two points do, but not where there are steps."""
+    rng = np.random.default_rng(5)
+    xyz = np.column_stack([rng.random((2000, 2)) * [4, 3], rng.normal(0, 0.02, 2000)])
+    assert between_neighbours(xyz, 0.0, 0.0, 1.0) == pytest.approx(0.02**2, rel=0.1)
+    xyz[xyz[:, 0] > 2, 2] += 0.2
+    assert between_neighbours(xyz, 0.0, 0.0, 1.0) < 0.1 * xyz[:, 2].var()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noisy_panes_behind_a_narrow_wall_are_no_part_of_it(seed: int) -> None:
+    """Half of what is seen are panes 13 cm back, and noisier than the wall."""
+    rng = np.random.default_rng(seed)
+    u, v = rng.random((2, 20_000)) * [[16], [5]]
+    pane = (u % 4 > 0.5) & (v < 4)
+    away = np.where(pane, 0.13, 0.0) + rng.normal(0, np.where(pane, 0.028, 0.02))
+    out = extracted(np.column_stack([u, away, v]))
+    ids = out.segmented["plane_id"]
+    shares = np.array([pane[ids == number].mean() for number in range(1, out.count + 1)])
+    assert np.minimum(shares, 1 - shares).max() < 0.02
+    assert out.used_tolerance == pytest.approx(2 * out.noise)
+
+
 @pytest.mark.slow
 def test_noise_of_a_wall_behind_quiet_ground() -> None:
     """Ground at a glance is flat in small cells; the wall, noise 3 cm, only in large ones."""
@@ -574,6 +598,9 @@ def test_noise_of_real_shop_fronts(data: Callable[[str], Path], name: str) -> No
     path = data(f"facade_street_openings/{name}")
     xyz = np.loadtxt(path, skiprows=1, usecols=(0, 1, 2))
     assert 0.003 < sort_into_cells(xyz).noise < 0.015
+    for seed in range(3):
+        half = xyz[np.random.default_rng(seed).random(len(xyz)) < 0.5]
+        assert 0.003 < sort_into_cells(half).noise < 0.02
 
 
 def test_a_wall_of_few_points(data: Callable[[str], Path]) -> None:

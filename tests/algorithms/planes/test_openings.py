@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.planes._relief import around
+from algorithms.planes._relief import _size, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings
@@ -39,6 +39,13 @@ def flat(box: tuple[float, ...], density: float, depth: float, rng: np.random.Ge
     places = rng.random((n, 2)) * [right - left, top - bottom] + [left, bottom]
     away = depth + rng.normal(0, 0.003, n)
     return np.column_stack([places[:, 0], away, places[:, 1]])
+
+
+def test_panes_above_each_other_are_no_larger_than_one() -> None:
+    uv = np.random.default_rng(1).random((3000, 2)) * [3.0, 8.0]
+    stacked = uv[(uv[:, 1] < 3.4) | (uv[:, 1] > 4.6)]
+    assert _size(uv) == pytest.approx([2.9, 7.7], abs=0.1)
+    assert _size(stacked) == pytest.approx([2.9, 3.3], abs=0.2)
 
 
 @cache

@@ -47,7 +47,7 @@ class GroundClassify:
     towers, bridges and other structures (13 to 17, 19) keep theirs and take no part. Without
     `keep_classes` they become 2 or 1, too. Class 2 is decided anew, also if it is named there.
 
-    Takes 50 bytes per square metre of the bounding box and 30 bytes per point.
+    Takes 115 bytes per square metre of the bounding box and 30 bytes per point.
     """
 
     points: PointCloud = source("Points to classify")

@@ -77,7 +77,7 @@ STIFF_COARSE, STIFF = 0.25, 1.0  # how much a plane resists to tilt
 ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
 TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times
 HALO = 200.0  # metres
-BYTES_PER_CELL = 50
+BYTES_PER_CELL = 115  # at most at one time; sections of cells and their borders take most
 FAR = 50.0  # metres from any ground, where the surface ends
 
 Floats = NDArray[np.float64]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -864,3 +865,17 @@ def test_a_section_is_raised_if_its_border_steps_down() -> None:
     assert not finding.raised_sections(np.where(z > 0, 1.7, 0).astype(np.float32)).any()
     z[15:17, 5:15] = z[3:5, 5:15] = 4.0  # walls that rise on two of four sides
     assert not finding.raised_sections(z)[5:15, 5:15].any()
+
+
+@pytest.mark.slow
+def test_memory_is_what_is_said() -> None:
+    """For each cell of a metre; the points are so few that they hardly count."""
+    side = 800
+    xyz = np.random.default_rng(1).random((60_000, 3)) * [side, side, 0.1]
+    find_terrain(xyz[:500])  # compiles
+    tracemalloc.start()
+    find_terrain(xyz)
+    used = tracemalloc.get_traced_memory()[1] / side**2
+    tracemalloc.stop()
+    assert 0.8 * finding.BYTES_PER_CELL < used < 1.1 * finding.BYTES_PER_CELL
+    assert f"Takes {finding.BYTES_PER_CELL} bytes per square metre" in str(GroundClassify.__doc__)

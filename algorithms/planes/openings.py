@@ -31,6 +31,7 @@ from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 POINTS_ACROSS = 4  # points in a row that an opening needs to be told from a gap between points
+NOISY = 2.0  # least step that can be seen over the one that is asked for, from which on it is told
 TALL = 1.5  # height over width, of the largest opening
 APART = STOREY  # metres between two fronts of an elevation
 
@@ -264,6 +265,7 @@ class PlanesOpenings:
             )
             seen.append(_Seen(int(numbers[front.members[0]]), near, relief, made))
             self._warn_if_sparse(number + 1, seen[-1].spacing)
+            self._warn_if_noisy(number + 1, relief.step / cloud.metre)
         if not any(one.made.found for one in seen):
             names = ", ".join(str(one.number) for one in seen)
             log.warning(
@@ -285,6 +287,23 @@ class PlanesOpenings:
                 metres * POINTS_ACROSS,
                 metres,
                 self.min_width / POINTS_ACROSS,
+            )
+
+    def _warn_if_noisy(self, number: int, step: float) -> None:
+        """Say so where points of a wall scatter so much that the least step is not seen.
+
+        Parameters
+        ----------
+        step : least distance behind the wall that its own points do not have, in metres
+        """
+        if step > NOISY * self.min_recess:
+            log.warning(
+                "the points of front %d scatter about its wall: only what stands back by %.2f m or "
+                "more is told from it, not by min_recess, %g m; openings with panes nearer to the "
+                "wall may be missed, and others may be none",
+                number,
+                step,
+                self.min_recess,
             )
 
     def _chosen(self, ranks: NDArray[np.int32], numbers: Ints, planes: list[Plane]) -> list[Front]:

@@ -208,6 +208,18 @@ def test_a_front_without_openings_is_drawn() -> None:
     assert len(PlanesDrawing(elevation=elevation).run().schedule) == 0
 
 
+def test_walls_that_scatter_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    quiet = front()
+    found(quiet)
+    assert "scatter" not in caplog.text
+    away = np.random.default_rng(3).normal(0, 0.03, len(quiet))
+    xyz = quiet.xyz + np.column_stack([0 * away, away, 0 * away])
+    columns = {name: quiet[name] for name in ("plane_id", "kind")}
+    found(PointCloud(xyz, columns, crs=UTM))
+    assert "front 1 scatter about its wall: only what stands back by 0.09 m" in caplog.text
+    assert "not by min_recess, 0.02 m" in caplog.text
+
+
 def test_points_too_far_apart_for_openings_are_told(caplog: pytest.LogCaptureFixture) -> None:
     """The same front with points 0.05 m and, after all but one in 16, 0.2 m apart."""
     dense = front()

@@ -261,19 +261,23 @@ def _walls(
     shade = np.average([part.shade for part in large], weights=weights)
     squares = [(part.shade - shade) ** 2 + part.shade_spread**2 for part in large]
     shade_limit = LIKE * math.sqrt(np.average(squares, weights=weights))
-    walls = list(large)
+    walls, firm = (
+        list(large),
+        list(large),
+    )  # depths are those of firm ones, not from one to the next
     for panels in (False, True, False):
         for part in parts:
             if part in walls:
                 continue
             known = not math.isnan(part.shade)
             like = known and max(abs(part.shade - shade), part.shade_spread) <= shade_limit
-            level = any(abs(part.depth - wall.depth) <= step for wall in walls)
+            level = any(abs(part.depth - wall.depth) <= step for wall in firm)
             panel = panels and HOLES[0] <= part.holes <= HOLES[1]
             if not known:
                 panel &= part.depth > recess or _layer(part, parts, step)
             if (like or not known) and (level or panel):
                 walls.append(part)
+                firm += [part] if panel else []
     return _Walls([part.number for part in walls], spread)
 
 

@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.planes._relief import _size, around
+from algorithms.planes._relief import _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings
@@ -46,6 +46,16 @@ def test_panes_above_each_other_are_no_larger_than_one() -> None:
     stacked = uv[(uv[:, 1] < 3.4) | (uv[:, 1] > 4.6)]
     assert _size(uv) == pytest.approx([2.9, 7.7], abs=0.1)
     assert _size(stacked) == pytest.approx([2.9, 3.3], abs=0.2)
+
+
+def test_panes_are_not_wall_by_others_between_them_and_the_wall() -> None:
+    """Each is as near to the one before as points of one plane may be; the wall is not."""
+    sizes = [(20.0, 8.0), (1.0, 1.5), (1.0, 1.5), (1.0, 1.5)]
+    parts = [
+        _Plane(k, 0.05 * k, 0.02, np.array(size), math.nan, math.nan, 0.0)
+        for k, size in enumerate(sizes)
+    ]
+    assert _walls(parts, (4.0, 6.0), recess=0.25, least=0.02).planes == [0, 1]
 
 
 @cache

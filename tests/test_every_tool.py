@@ -22,6 +22,7 @@ from jsonschema import Draft202012Validator
 from numpy.typing import NDArray
 from process_schema import PROCESS
 from pyproj import CRS
+from scenes.waves import scanned
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._extraction.layers import wire_layer
@@ -338,6 +339,11 @@ def with_heights(points: PointCloud) -> PointCloud:
     return points.with_attributes(heights, descriptions=dict.fromkeys(heights, unit))
 
 
+def with_waveforms(points: PointCloud) -> PointCloud:
+    """The points with a waveform each, where there are any points."""
+    return scanned(points, Path(tempfile.mkdtemp()) / "a.las") if len(points) else points
+
+
 def extracted_line(points: PointCloud) -> PointCloud:
     """Some of the points with the numbers of a wire."""
     on_line = np.flatnonzero(points["intensity"] > 400)
@@ -448,6 +454,7 @@ SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that ne
     "points.clip": {"polygons": shapes},  # asks for these or an extent
     "points.profile": {"line": axis},  # takes lines alone
     "points.sample_raster": {"raster": greenness},  # values that are no heights
+    "points.waveform": {"points": with_waveforms},  # reads packets
     "vectors.clip": {"polygons": shapes},  # asks for these or an extent
 }
 

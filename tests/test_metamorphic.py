@@ -56,6 +56,7 @@ WITHOUT = {  # tools that no change of a single cloud tells anything about
     "points.reproject": "needs places on the Earth, which turning and shifting change",
     "points.sample_raster": "needs an image",
     "points.survey_quality": "counts in cells of a grid, which turning and shifting change",
+    "points.waveform": "reads one packet, which turning does not turn",
     "samples.scene": "reads nothing",
     "shoreline.storage_curve": "needs a basin",
     "surface.difference": "compares layers",

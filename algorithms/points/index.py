@@ -47,10 +47,12 @@ class PointsIndex:
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The overview is one COPC file."""
         if self.overview is not None:
-            paths = self.overview.paths
-            if len(paths) != 1 or not is_copc(paths[0]):
-                names = ", ".join(path.name for path in paths)
+            files = self.overview.files
+            names = ", ".join(file.path.name for file in files)
+            if len(files) != 1 or not is_copc(files[0].path):
                 yield "overview", f"must be one COPC file (.copc.laz), got {names}"
+            elif not files[0].copc:
+                yield "overview", f"{names} is no COPC file by its content; write it as one"
 
     def halo(self) -> float:
         """Zero, as no point is read."""

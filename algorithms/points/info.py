@@ -138,7 +138,7 @@ def _general(cloud: PointCloud) -> Iterator[Row]:
 
 def _waveforms(cloud: PointCloud) -> Iterator[Row]:
     """Where waveforms are, how many points have one, and how each kind is sampled."""
-    place, kinds = cloud.waveforms
+    place, size, kinds = cloud.waveforms
     if not (place or kinds):
         return
     yield {"property": "waveforms", "value": place or "not there, though they are described"}
@@ -147,6 +147,9 @@ def _waveforms(cloud: PointCloud) -> Iterator[Row]:
         used = cloud[WAVE]
         count = int(np.count_nonzero(used))
         yield {"property": "points with waveform", "value": count, "unit": "points"}
+        if size:
+            yield {"property": "waveform packets", "value": size, "unit": "bytes"}
+            yield from _cut_off(cloud, size)
     for kind in kinds:
         says = f"{kind.samples} samples of {kind.bits} bits, {kind.spacing} ps apart"
         says += ", compressed" if kind.compression else ""
@@ -154,6 +157,14 @@ def _waveforms(cloud: PointCloud) -> Iterator[Row]:
     if unknown := sorted(set(np.unique(used).tolist()) - {0, *(kind.number for kind in kinds)}):
         numbers = ", ".join(map(str, unknown))
         text = f"points have waveforms of descriptors that are not there: {numbers}"
+        yield {"property": "warning", "value": text}
+
+
+def _cut_off(cloud: PointCloud, size: int) -> Iterator[Row]:
+    """A warning if packets of points end beyond the bytes that are there."""
+    ends = cloud["wavepacket_offset"] + cloud["wavepacket_size"].astype(np.uint64)
+    if count := int(np.count_nonzero((cloud[WAVE] > 0) & (ends > size))):
+        text = f"waveforms of {count} points are beyond the end of the packets: they are cut off"
         yield {"property": "warning", "value": text}
 
 

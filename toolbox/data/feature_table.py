@@ -15,7 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from toolbox.data.axis_names import ambiguity, chosen
+from toolbox.data.reading import errors_named
 from toolbox.data.table import Table
+from toolbox.data.table_files import read_csv
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -62,18 +65,42 @@ def read(path: Path) -> geopandas.GeoDataFrame:
     """
     import geopandas
 
-    frame = Table.open(path).frame
+    frame = _frame(path)
     columns = {str(name).lower(): name for name in frame}
     if _WKT in columns:
         used = [columns[_WKT]]
         geometry: Any = shapely.from_wkt(frame[used[0]].fillna("").to_numpy(object))
-    elif {*_AXES[:2]} <= columns.keys():
-        used = [columns[axis] for axis in _AXES if axis in columns]
-        geometry = shapely.points(_positions(frame[used], path))
     else:
-        listed = ", ".join(map(str, frame)) or "none"
-        raise DataError(f"{path}: features need columns x and y, or {_WKT}, and it has {listed}")
+        used = _coordinates(list(map(str, frame)), path)
+        geometry = shapely.points(_positions(frame[used], path))
     return geopandas.GeoDataFrame(frame.drop(columns=used), geometry=geometry)
+
+
+def _frame(path: Path) -> pd.DataFrame:
+    """The rows of a CSV file, whose header has semicolons or tabs if it has no commas."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        header = file.readline()
+    marks = [mark for mark in ",;\t" if mark in header]
+    if not marks or marks[0] == ",":
+        return Table.open(path).frame
+    with errors_named(f"{path} cannot be read"):
+        return read_csv(path, marks[0])
+
+
+def _coordinates(names: list[str], path: Path) -> list[str]:
+    """The columns of x, y and, if there is one, z.
+
+    In tables that :func:`write` has made z is only what is called so: a height is an attribute.
+    """
+    if {*_AXES[:2]} <= {*names}:
+        return [axis for axis in _AXES if axis in names]
+    if unclear := ambiguity(names):
+        raise DataError(f"{path}: {unclear}; rename them to x (the easting), y and z")
+    found = chosen(names)
+    if not {*_AXES[:2]} <= found.keys():
+        listed = ", ".join(names) or "none"
+        raise DataError(f"{path}: features need columns x and y, or {_WKT}, and it has {listed}")
+    return list(found.values())
 
 
 def _positions(
@@ -82,7 +109,8 @@ def _positions(
     try:
         found: np.ndarray[tuple[int, int], np.dtype[np.float64]] = frame.to_numpy(np.float64)
     except (ValueError, TypeError) as error:
-        raise DataError(f"{path}: coordinates must be numbers: {error}") from error
+        text = f"{path}: coordinates must be numbers, with a point before the decimals"
+        raise DataError(f"{text}: {error}") from error
     if bad := np.flatnonzero(~np.isfinite(found[:, :2]).all(axis=1)).tolist():
         raise DataError(f"{path}: row {bad[0] + 1} has no position")
     return found

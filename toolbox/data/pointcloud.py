@@ -24,9 +24,17 @@ from toolbox.data.las import points as las_points
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.joint import with_layout
 from toolbox.data.las.read import read_las
-from toolbox.data.las.waveforms import WaveformDescriptor, descriptors, place_of
+from toolbox.data.las.waveforms import (
+    Pulse,
+    WaveformDescriptor,
+    descriptors,
+    own_packets,
+    place_of,
+    pulse,
+    size_of,
+)
 from toolbox.data.layer import Inside, Layer
-from toolbox.data.paths import LAS, TEXT, Paths, PointFiles, suffix_of
+from toolbox.data.paths import COPC, LAS, TEXT, Paths, PointFiles, suffix_of
 from toolbox.data.reading import Reading
 from toolbox.data.record import own_side_car
 from toolbox.errors import DataError, nearest
@@ -68,7 +76,7 @@ class PointCloud(Layer):
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")
-    SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz", ".copc.laz", ".parquet")
+    SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz", COPC, ".parquet")
     NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({".parquet": PARQUET, ".ply": PLY})
     OF_LAS: ClassVar[frozenset[str]] = las_points.STANDARD  # attributes of some point format
     is_spatial: ClassVar[bool] = True
@@ -379,11 +387,23 @@ class PointCloud(Layer):
         return days_of(self["gps_time"])
 
     @property
-    def waveforms(self) -> tuple[str, tuple[WaveformDescriptor, ...]]:
-        """Where the packets of waveforms are, "" without any; and how they are sampled."""
+    def waveforms(self) -> tuple[str, int, tuple[WaveformDescriptor, ...]]:
+        """Where the packets of waveforms are, "" without any; their bytes; how they are sampled."""
         if self._metadata is None:
-            return "", ()
-        return place_of(self._metadata), descriptors(self._metadata)
+            return "", 0, ()
+        return place_of(self._metadata), size_of(self._metadata), descriptors(self._metadata)
+
+    def pulse(self, number: int) -> Pulse:
+        """The waveform of one point, by its number from 0.
+
+        Raises
+        ------
+        DataError
+            The point has none, or its packet is not there or cannot be read.
+        """
+        if self._metadata is None or self._packed is None:
+            raise DataError(f"{self.name or 'the cloud'} has no waveforms")
+        return pulse(self._metadata, self._packed, number)
 
     @property
     def extent(self) -> tuple[float, ...]:
@@ -596,8 +616,8 @@ class PointCloud(Layer):
 
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
-        """The file at a path, and the provenance record that an earlier run has put beside it."""
-        return Path(path), *own_side_car(path)
+        """The file at a path, and what an earlier run has put beside it: record and waveforms."""
+        return Path(path), *own_side_car(path), *own_packets(Path(path))
 
     def save(
         self,

@@ -192,6 +192,9 @@ def _write_tiles(
 ) -> list[SurveyFile]:
     """Write a file for each tile beside a path; gives their headers."""
     files = []
+    if metadata.packets:
+        text = "waveforms stay in %s: copy it beside each tile, under the name of the tile"
+        log.warning(text, metadata.packets.name)
     for number, (cell, name) in enumerate(names.items()):
         ctx.progress(number / len(names))
         made, draft = path.with_name(name), _draft(drafts, cell)

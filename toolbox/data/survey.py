@@ -20,7 +20,7 @@ from toolbox.data.crs import crs_conflicts, metres_per_unit
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.layer import Inside, Layer
-from toolbox.data.paths import LAS, Paths, PointFiles, is_copc, suffix_of
+from toolbox.data.paths import LAS, Paths, PointFiles, suffix_of
 from toolbox.data.pointcloud import PointCloud
 from toolbox.data.reading import CHANGED, Reading, errors_named, state
 from toolbox.data.record import own_side_car, write_beside
@@ -52,6 +52,7 @@ class SurveyFile:
     only : xmin, ymin, xmax, ymax of the area that is read, if not all
     state : of the file before its header was read, see `toolbox.data.reading.state`
     date : on which a LAS file was made, as its header says it (2026-11-22); "" if it does not
+    copc : whether it is a COPC file, by its content
 
     Examples
     --------
@@ -79,6 +80,7 @@ class SurveyFile:
     only: tuple[float, ...] | None = None
     state: tuple[int, int] | None = None
     date: str = ""
+    copc: bool = False
 
     @classmethod
     def open(
@@ -121,6 +123,7 @@ class SurveyFile:
             bounds=(*header.mins.tolist(), *header.maxs.tolist()),
             crs=assume_crs if metadata.crs is None else metadata.crs,
             version=f"1.{metadata.minor}",
+            copc=bool(metadata.copc),
             point_format=int(header.point_format.id),
             scales=tuple(header.scales.tolist()),
             attributes=_attributes(PointCloud.of_metadata(metadata, path.name)),
@@ -157,7 +160,7 @@ class SurveyFile:
         """
         if self.only and not self.touches(self.only):
             return []
-        if suffix_of(self.path) not in LAS or (self.only and is_copc(self.path)):
+        if suffix_of(self.path) not in LAS or (self.only and self.copc):
             return [(0, self.count)]
         chunks = chunk_sizes(self.path)
         if chunks is None:

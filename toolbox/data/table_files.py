@@ -25,7 +25,7 @@ def read(path: Path, layer: str | None) -> pd.DataFrame:
     """Read the rows of a file; ValueError if it does not hold a table."""
     if path.suffix.lower() == geopackage.SUFFIX:
         return _read_geopackage(path, layer)
-    readers = {".csv": _read_csv, ".json": _read_json, ".parquet": _read_parquet}
+    readers = {".csv": read_csv, ".json": _read_json, ".parquet": _read_parquet}
     return readers[path.suffix.lower()](path)
 
 
@@ -38,8 +38,14 @@ def write(table: Table, path: Path, layer: str | None, *, add: bool) -> None:
     writers[path.suffix.lower()](table, path)
 
 
-def _read_csv(path: Path) -> pd.DataFrame:
-    how = {"dtype_backend": "numpy_nullable", "keep_default_na": False, "na_values": [""]}
+def read_csv(path: Path, separator: str = ",") -> pd.DataFrame:
+    """Read the rows of a CSV file; ValueError if it does not hold a table."""
+    how = {
+        "sep": separator,
+        "dtype_backend": "numpy_nullable",
+        "keep_default_na": False,
+        "na_values": [""],
+    }
     frame: pd.DataFrame = pd.read_csv(path, **how)  # type: ignore[call-overload]
     if not isinstance(frame.index, pd.RangeIndex):  # pandas takes the first cells for an index
         raise ValueError("its rows have more cells than its header")

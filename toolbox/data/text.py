@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from pandas.io.parsers import TextFileReader
 from pyproj import CRS
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
+from toolbox.data.axis_names import AXES, ambiguity, axes_of, chosen, plain
 from toolbox.data.las.header import fields
 from toolbox.data.reading import Reading, errors_named, opened, unpacked
 from toolbox.errors import DataError
@@ -26,9 +27,6 @@ _BLOCK = 250_000  # lines between two reports of progress
 _COMMENTS = ("#", "//")
 _SEPARATORS = ("\t", ";", ",", None)  # None: blanks, as in str.split
 _ALIASES = {
-    "x": "x xcoordinate xcoord easting east",
-    "y": "y ycoordinate ycoord northing north",
-    "z": "z zcoordinate zcoord elevation height altitude",
     "intensity": "intensity i scalarintensity",
     "return_number": "returnnumber returnno returnnr scalarreturnnumber",
     "number_of_returns": "numberofreturns numreturns nreturns scalarnumberofreturns",
@@ -83,6 +81,8 @@ class _Table:
     comment : the character that begins a comment
     count : number of points that the file promises, or None
     empty : whether there is no point
+    unclear : what is not clear about the names of coordinates in the file
+    texts : places of columns that hold texts, such as the names of points, and are left out
     """
 
     names: list[str]
@@ -91,23 +91,31 @@ class _Table:
     comment: str = "#"
     count: int | None = None
     empty: bool = False
+    unclear: str = ""
+    texts: frozenset[int] = frozenset()
+
+    @property
+    def numbers(self) -> list[int]:
+        """Places of the columns that hold numbers."""
+        return [place for place in range(len(self.names)) if place not in self.texts]
 
 
 def standard_names(texts: Sequence[str]) -> list[str]:
     """The LAS names of columns or properties: "Easting" is x, "ReturnNumber" return_number.
 
-    Case, blanks, underscores and a unit in brackets make no difference. A name that is not known
-    is kept, and so is a second one for the same, such as "height" beside "z".
+    Case, accents, blanks, underscores and a unit in brackets make no difference. A name that is
+    not known is kept, and so is a second one for the same, such as "height" beside "z".
     """
-    plain = [re.sub(r"[\[(].*|[^a-z0-9]", "", text.lower()) for text in texts]
-    lonely = set() if set(plain) >= _LETTERS else _LETTERS  # b alone may be anything
+    words = [plain(text) for text in texts]
+    axes = axes_of(texts)
+    lonely = set() if set(words) >= _LETTERS else _LETTERS  # b alone may be anything
     names = [
-        text if word in lonely else _NAMES.get(word, text)
-        for word, text in zip(plain, texts, strict=True)
+        axes[text] if text in axes else text if word in lonely else _NAMES.get(word, text)
+        for word, text in zip(words, texts, strict=True)
     ]
-    exact = {name for word, name in zip(plain, names, strict=True) if word == _plain(name)}
+    exact = {name for word, name in zip(words, names, strict=True) if word == _plain(name)}
     taken: set[str] = set()
-    for index, (word, text) in enumerate(zip(plain, texts, strict=True)):
+    for index, (word, text) in enumerate(zip(words, texts, strict=True)):
         name = names[index]
         if word != _plain(name) and (name in exact or name in taken):
             names[index] = text
@@ -156,10 +164,13 @@ def read_text(
     with errors_named(f"{path} cannot be read as a text file of points"):
         table = _table(path, columns, separator)
         frame = _read(path, table, reading, ctx)
+    if table.texts:
+        left = ", ".join(table.names[place] for place in sorted(table.texts))
+        log.warning("%s: texts are left out of points: %s", path.name, left)
     if table.count not in (None, len(frame)):
         raise DataError(f"{path} promises {table.count} points, and {len(frame)} are there")
     xyz = frame[["x", "y", "z"]].to_numpy(np.float64)
-    others = [name for name in table.names if name not in ("x", "y", "z")]
+    others = [name for name in frame if name not in ("x", "y", "z")]
     return xyz, {name: _compact(name, frame[name].to_numpy()) for name in others}
 
 
@@ -190,7 +201,7 @@ def _table(path: Path, columns: Sequence[str] | None, separator: str | None) -> 
         raise DataError(f"{path} is a raster (ESRI ASCII grid), not a file of points")
     table = _begin(path, content, comment, separator)
     if columns:
-        table = replace(table, names=standard_names(columns))
+        table = replace(table, names=standard_names(columns), unclear="")
     elif not table.names:
         table = replace(table, names=_default_names(path, table, comment, content))
     _check_names(path, table, content)
@@ -202,11 +213,15 @@ def _begin(
 ) -> _Table:
     """Find the header line among the first lines; without one the names stay empty."""
     for index, (number, text) in enumerate(content):
-        found = _separator(text, separator)
+        header = content[0][1] if index == 1 else ""
+        found = _separator(text, separator) or _beside_texts(header, text, separator)
         if found is None:
             continue
-        names = _cells(content[0][1], found[0]) if index == 1 else []
-        return _Table(standard_names(names), found[0], number)
+        names = _cells(header, found[0]) if header else []
+        cells = enumerate(_cells(text, found[0]))
+        texts = frozenset(place for place, cell in cells if not _is_number(cell))
+        unclear = ambiguity(names)
+        return _Table(standard_names(names), found[0], number, unclear=unclear, texts=texts)
     if len(content) == 1 and not any(_is_number(cell) for cell in _split(content[0][1])):
         names = _split(content[0][1], separator)  # a line of names without points
         return _Table(standard_names(names), separator, empty=True)
@@ -224,6 +239,20 @@ def _separator(text: str, separator: str | None) -> tuple[str | None] | None:
     for candidate in (separator,) if separator else _SEPARATORS:
         cells = _cells(text, candidate)
         if len(cells) >= 3 and all(_is_number(cell) for cell in cells):
+            return (candidate,)
+    return None
+
+
+def _beside_texts(header: str, text: str, separator: str | None) -> tuple[str | None] | None:
+    """The separator of a line whose header names x, y and z, in columns of numbers; or None.
+
+    The other columns may hold texts, such as the names and codes that surveyors give to points.
+    """
+    for candidate in (separator,) if separator else _SEPARATORS:
+        names, cells = _cells(header, candidate), _cells(text, candidate)
+        taken = set(chosen(names).values())
+        numbers = {name for name, cell in zip(names, cells, strict=False) if _is_number(cell)}
+        if len(names) == len(cells) and len(taken) == len(AXES) and taken <= numbers:
             return (candidate,)
     return None
 
@@ -261,6 +290,8 @@ def _default_names(
 
 def _check_names(path: Path, table: _Table, content: list[tuple[int, str]]) -> None:
     names = table.names
+    if table.unclear:
+        raise DataError(f"{path}: {table.unclear}; name all columns, e.g. columns=name,x,y,z")
     if missing := [name for name in "xyz" if name not in names]:
         raise DataError(
             f"{path} has no column {', '.join(missing)}, only {', '.join(names)}; "
@@ -292,14 +323,15 @@ def _read(path: Path, table: _Table, reading: Reading | None, ctx: Context) -> p
         ):
             for block in blocks:
                 ctx.progress(1 - 1 / (1 + done / 1e7))  # the number of lines is not known
-                _check_block(block)
-                frames.append(block)
+                numbers = block.drop(columns=list(table.texts))
+                _check_block(numbers)
+                frames.append(numbers)
                 done += len(block)
     except ValueError:
         _explain(path, table)
         raise
     frame = pd.concat(frames, ignore_index=True)
-    frame.columns = pd.Index(table.names)
+    frame.columns = pd.Index([table.names[place] for place in table.numbers])
     coordinates = frame[["x", "y", "z"]].to_numpy(float)
     if not np.isfinite(coordinates).all() or frame.isna().to_numpy().any():
         _explain(path, table)
@@ -311,6 +343,7 @@ def _blocks(file: BinaryIO, table: _Table) -> TextFileReader:
         file,
         sep=table.separator or r"\s+",
         header=None,
+        dtype=dict.fromkeys(table.texts, str),
         skiprows=table.skip,
         comment=table.comment,
         skipinitialspace=True,
@@ -339,8 +372,8 @@ def _explain(path: Path, table: _Table) -> None:
                 raise DataError(
                     f"{path}, line {number + 1}: {len(cells)} values instead of {len(table.names)}"
                 )
-            for name, cell in zip(table.names, cells, strict=True):
-                _check_cell(f"{path}, line {number + 1}", name, cell)
+            for place in table.numbers:
+                _check_cell(f"{path}, line {number + 1}", table.names[place], cells[place])
 
 
 def _check_cell(where: str, name: str, cell: str) -> None:

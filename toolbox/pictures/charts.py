@@ -232,7 +232,7 @@ class Curves:
         if line.from_zero:
             axes.set(xlim=(0, None)) if self.upright else axes.set(ylim=(0, None))
         (axes.set_xlabel if self.upright else axes.set_ylabel)(
-            line.label, fontsize=7.5, color=colour
+            line.label, fontsize=7.5, color=colour, labelpad=1
         )
         axes.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
         axes.tick_params(axis="x" if self.upright else "y", colors=colour)

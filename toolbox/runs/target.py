@@ -15,6 +15,7 @@ from toolbox.context import Context, log
 from toolbox.data import Report, Table, Vector, geopackage
 from toolbox.data.crs import describe_crs, is_local
 from toolbox.data.extras import Extra
+from toolbox.data.las.waveforms import foreign_packets
 from toolbox.data.layer import Layer
 from toolbox.data.paths import LAS
 from toolbox.data.record import foreign_side_car
@@ -137,13 +138,19 @@ class Target:
         if self.resolved is None or isinstance(self.path, Address):
             return self._unusable()
         try:
-            if not self.folder and (other := foreign_side_car(self.resolved)):
-                return f"{other} stands where its record would be written; choose another name"
             parsed_options(self.options, self.known)
+            return None if self.folder else self._foreign(self.resolved)
         except OSError as err:
             return f"{self.path} cannot be a file: {err.strerror}"
         except ValueError as err:
             return str(err)
+
+    def _foreign(self, path: Path) -> str | None:
+        """Which file of somebody else stands where one would be written beside a path, or None."""
+        if other := foreign_side_car(path):
+            return f"{other} stands where its record would be written; choose another name"
+        if self.is_las and (other := foreign_packets(path)):
+            return f"{other} holds the waveforms of another file; choose another name"
         return None
 
     def _unusable(self) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +74,35 @@ def test_an_overview_is_named_and_not_read_as_points(folder: Path) -> None:
             "points.index",
             {**values, "index": folder / "b.vpc", "overview": folder / "ä b/two.laz"},
         )
+
+
+def test_an_overview_is_copc_by_its_content(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A LAZ file that was renamed is read as what it is, and is no overview."""
+    renamed = folder / "far.copc.laz"
+    shutil.copy(folder / "ä b/two.laz", renamed)
+    values = {"points": folder / "ä b", "index": folder / "all.vpc", "overview": renamed}
+    with pytest.raises(DataError, match=r"far\.copc\.laz is no COPC file by its content"):
+        toolbox.run("points.index", values)
+    assert not (folder / "all.vpc").exists()
+    caplog.clear()
+    points = PointCloud.open(renamed)
+    assert np.array_equal(points.xyz, PointCloud.open(folder / "ä b/two.laz").xyz)
+    assert "far.copc.laz is named .copc.laz, but is none by its content" in caplog.text
+    points.save(folder / "true.copc.laz")
+    toolbox.run("points.index", values | {"overview": folder / "true.copc.laz"})
+
+
+def test_the_record_of_copc_is_the_first(folder: Path) -> None:
+    """Readers look for it there; behind another record it is a LAZ file like others."""
+    cloud([[500_000, 4_600_000, 5.0]]).save(folder / "a.copc.laz")
+    content = bytearray((folder / "a.copc.laz").read_bytes())
+    assert content[377:381] == b"copc"
+    assert Survey.open(folder / "a.copc.laz").files[0].copc
+    (length,) = struct.unpack_from("<H", content, 375 + 54 + 160 + 20)
+    first, second, end = 375, 375 + 54 + 160, 375 + 54 + 160 + 54 + length
+    content[first:end] = content[second:end] + content[first:second]
+    (folder / "a.copc.laz").write_bytes(content)
+    assert not Survey.open(folder / "a.copc.laz").files[0].copc
 
 
 def test_without_crs_there_is_no_outline(tmp_path: Path) -> None:

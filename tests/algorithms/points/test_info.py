@@ -285,9 +285,19 @@ def scanned(path: Path, numbers: list[int], described: int = 1) -> PointCloud:
     return PointCloud.open(path)
 
 
+OFFSETS = np.array([999, 60, 188, 316, 317])  # the first point has no waveform
+
+
 def test_waveforms_are_listed(tmp_path: Path) -> None:
-    found, warned = report(scanned(tmp_path / "a.las", [0, 1, 2, 2, 1], described=2))
+    cloud = scanned(tmp_path / "a.las", [0, 1, 2, 2, 1], described=2)
+    assert report(cloud)[0]["waveforms"] == "in a file .wdp, which is not beside it"
+    (tmp_path / "a.wdp").write_bytes(bytes(444))
+    cloud = PointCloud.open(tmp_path / "a.las").with_attributes({"wavepacket_offset": OFFSETS})
+    cloud = cloud.with_attributes({"wavepacket_size": np.full(5, 128)})
+    found, warned = report(cloud)
     assert found["waveforms"] == "in a file .wdp beside it"
+    assert found["waveform packets"] == 444
+    assert "waveforms of 1 points are beyond the end of the packets: they are cut off" in warned
     assert found["points with waveform"] == 4
     assert found["waveforms of descriptor 2"] == "256 samples of 8 bits, 1000 ps apart"
     assert not [text for text in warned if "descriptors" in text]
@@ -298,7 +308,7 @@ def test_waveforms_that_stay_behind_are_told(
 ) -> None:
     cloud = scanned(tmp_path / "a.las", [1, 1])
     cloud.save(tmp_path / "b.laz")
-    assert "waveforms stay in the .wdp file of the input" in caplog.text
+    assert "its waveforms are in a file .wdp that was not beside the input" in caplog.text
     assert PointCloud.open(tmp_path / "b.laz")["wavepacket_index"].tolist() == [1, 1]
 
 

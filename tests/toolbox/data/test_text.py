@@ -199,3 +199,51 @@ def test_any_text_gives_an_error_or_a_cloud(tmp_path: Path, content: bytes | str
     else:
         found = "a.txt" if np.isfinite(cloud.xyz).all() else "coordinates"
     assert "a.txt" in found
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Point;East;North;Height;Code",
+        "No;Rechtswert;Hochwert;Höhe;Art",
+        "Nokta No;Sağa (Y);Yukar\u0131 (X);Kot;Kod",
+        "NOKTA;SAĞA DEĞER;YUKARI DEĞER;YÜKSEKLİK;KOD",
+        "id;E;N;H;code",
+        "id;X [m];Y [m];H [m];code",
+        "id;Y (Easting);X (Northing);Z;code",
+    ],
+)
+def test_header_names_of_surveyors(
+    tmp_path: Path, header: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Names and codes of points are texts, which are left out with a word."""
+    text = f"{header}\nP1;500010.5;4500020.5;12.25;GR\nP2;500011.5;4500021.5;12.5;\n"
+    cloud = opened(tmp_path, text, ".csv")
+    assert cloud.xyz.tolist() == [[500010.5, 4500020.5, 12.25], [500011.5, 4500021.5, 12.5]]
+    assert cloud.names == ()
+    first, *_, last = header.split(";")
+    assert f"texts are left out of points: {first}, {last}" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("No,Y,X,Z", "columns Y, X stand in this order, in which Y may be the easting"),
+        ("Nokta,y,x,Kot", "columns y, x stand in this order"),
+        ("X,Y,H,h", "columns H and h may both be z"),
+        ("East,Rechtswert,North,Z", "columns East and Rechtswert may both be x"),
+    ],
+)
+def test_names_that_may_be_either_are_refused(tmp_path: Path, header: str, message: str) -> None:
+    line = "1,500010.5,4500020.5,12.25"
+    with pytest.raises(DataError, match=message):
+        opened(tmp_path, f"{header}\n{line}\n", ".csv")
+    told = opened(tmp_path, f"{header}\n{line}\n", ".csv", columns=["name", "x", "y", "z"])
+    assert told.xyz.tolist() == [[500010.5, 4500020.5, 12.25]]
+
+
+def test_a_line_with_too_much_beside_texts(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 3: 5 values instead of 4"):
+        opened(tmp_path, "No,E,N,H\nP1,1,2,3\nP2,1,2,3,4\n", ".csv")
+    with pytest.raises(DataError, match="line 3: z is 'a', which is not a number"):
+        opened(tmp_path, "No,E,N,H\nP1,1,2,3\nP2,1,2,a\n", ".csv")

@@ -326,3 +326,36 @@ def test_shapefile_of_buildings(data: Callable[[str], Path], tmp_path: Path) -> 
     back = Vector.open(tmp_path / "a.gpkg").frame
     assert back.geometry.to_wkb().equals(buildings.frame.geometry.to_wkb())
     assert back.drop(columns="geometry").equals(buildings.frame.drop(columns="geometry"))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_points_of_surveyors_are_read_from_csv(tmp_path: Path, separator: str) -> None:
+    """Columns in the words of surveyors; the names of the points stay."""
+    rows = ["Nokta,Rechtswert,Hochwert,Höhe", "P1,500010.5,4500020.5,12.25"]
+    path = tmp_path / "points.csv"
+    path.write_text("\n".join(rows).replace(",", separator), encoding="utf-8")
+    frame = Vector.open(path).frame
+    assert shapely.get_coordinates(frame.geometry, include_z=True).tolist() == [
+        [500010.5, 4500020.5, 12.25]
+    ]
+    assert frame["Nokta"].tolist() == ["P1"]
+    assert list(frame) == ["Nokta", "geometry"]
+
+
+def test_columns_that_may_be_either_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("No,Y,X,Kot\n1,500010.5,4500020.5,12\n")
+    with pytest.raises(DataError, match=r"columns Y, X stand in this order.*rename them to x"):
+        Vector.open(path)
+    path.write_text("No;East;North;Kot\n1;500010,5;4500020,5;12,5\n")
+    with pytest.raises(DataError, match="numbers, with a point before the decimals"):
+        Vector.open(path)
+
+
+def test_heights_in_our_own_tables_stay_attributes(tmp_path: Path) -> None:
+    """The height of a tree is no elevation of its top."""
+    frame = geopandas.GeoDataFrame({"height": [9.5]}, geometry=[shapely.Point(1, 2)])
+    Vector(frame).save(tmp_path / "tops.csv")
+    found = Vector.open(tmp_path / "tops.csv").frame
+    assert found["height"].tolist() == [9.5]
+    assert not found.geometry.has_z.any()

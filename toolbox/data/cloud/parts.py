@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,6 +36,7 @@ def apart(cloud: PointCloud) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     if cloud._metadata is not None:
         rest["las"] = base64.b64encode(metadata_bytes(cloud._metadata)).decode()
         rest["las_crs"] = crs_to_json(cloud._metadata.crs)
+        rest["packets"] = cloud._metadata.packets and str(cloud._metadata.packets)
     return cloud.arrays() | origin, rest
 
 
@@ -46,7 +48,8 @@ def joined(
     cloud = cls(empty, crs=crs, name=rest["name"], descriptions=rest["descriptions"])
     if "las" in rest:
         metadata = metadata_of(base64.b64decode(rest["las"]))
-        cloud._metadata = replace(metadata, crs=crs_from_json(rest["las_crs"]))
+        packets = rest["packets"] and Path(rest["packets"])
+        cloud._metadata = replace(metadata, crs=crs_from_json(rest["las_crs"]), packets=packets)
     cloud._moved = rest["moved"]
     cloud._steps = rest["steps"] and tuple(map(tuple, rest["steps"]))
     cloud._columns = dict.fromkeys(rest["columns"], np.empty(0))

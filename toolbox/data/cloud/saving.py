@@ -11,6 +11,7 @@ from toolbox.data.crs import describe_crs, is_local
 from toolbox.data.las import points as las_points
 from toolbox.data.las import versions as las_versions
 from toolbox.data.las.copc_write import points_sink, write_copc
+from toolbox.data.las.waveforms import copy_packets
 from toolbox.data.las.write import write_las
 from toolbox.data.paths import LAS, is_copc, suffix_of
 from toolbox.data.record import with_record, write_beside
@@ -85,6 +86,7 @@ def _save_las(
         write_copc(path, metadata, points, ctx=ctx)
     else:
         write_las(path, metadata, points, compress=compress, ctx=ctx)
+        copy_packets(metadata, path)
 
 
 def _with_las_intensity(cloud: PointCloud) -> PointCloud:
@@ -115,3 +117,4 @@ def save_batches(
             ctx.progress(done / max(size, 1))
             write(convert(cloud.as_las()[1]))
             done += len(cloud)
+    copy_packets(metadata, path)

@@ -15,6 +15,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -70,8 +71,9 @@ class LasMetadata:
     vlrs : without those that describe the compression (LASzip, COPC)
     evlrs : VLRs after the points; in LAS 1.3 the waveform packets alone
     waveform : the one that holds the waveform packets, or None
+    packets : the file .wdp that holds them instead; None if they are in none, or it is not there
     laszip : content of the LASzip VLR; b"" if the points are not compressed
-    copc : content of the COPC info VLR; b"" if there is none
+    copc : content of the COPC info VLR; b"" unless it is the first of all, as in COPC files
     crs : that the VLRs state, or None
     """
 
@@ -81,6 +83,7 @@ class LasMetadata:
     vlrs: tuple[Vlr, ...] = ()
     evlrs: tuple[Vlr, ...] = ()
     waveform: Vlr | None = None
+    packets: Path | None = None
     laszip: bytes = b""
     copc: bytes = b""
     crs: CRS | None = None
@@ -184,7 +187,8 @@ def parse_metadata(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> 
         return metadata
     found = {vlr.key: vlr.data for vlr in vlrs}
     demand(_LASZIP in found, "is compressed, but has no LASzip record that says how")
-    return replace(metadata, laszip=found[_LASZIP], copc=found.get(_COPC, b""))
+    copc = vlrs[0].data if vlrs[0].key == _COPC else b""  # where the format wants it to be
+    return replace(metadata, laszip=found[_LASZIP], copc=copc)
 
 
 def _raw_header(stream: BinaryIO, size: int) -> bytes:

@@ -259,10 +259,18 @@ def _differences(
         if not _same_clock(metadata, first):
             text = "its GPS times count from another day than those of the first file"
             found.setdefault(text, []).append(file)
-        if metadata.waveform and metadata.waveform.data != (first.waveform and first.waveform.data):
+        if not _same_packets(metadata, first):
             text = "its waveform packets are not kept, only those of the first file"
             found.setdefault(text, []).append(file)
     return found.items()
+
+
+def _same_packets(metadata: LasMetadata, first: LasMetadata) -> bool:
+    """Whether the waveforms of a file are those of the first one, or it has none."""
+    if metadata.packets:
+        return metadata.packets == first.packets
+    own, other = metadata.waveform, first.waveform
+    return own is None or bool(other and own.data == other.data)
 
 
 def _same_clock(a: LasMetadata, b: LasMetadata) -> bool:

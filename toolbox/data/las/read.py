@@ -29,6 +29,8 @@ from toolbox.data.las.copc import copc_chunks
 from toolbox.data.las.crs import read_crs
 from toolbox.data.las.header import Chunk, LasMetadata, demand, parse_metadata
 from toolbox.data.las.points import MIXED_WAVEFORMS, box_of, waveform_channels
+from toolbox.data.las.waveforms import packets_beside
+from toolbox.data.paths import COPC, is_copc
 from toolbox.data.reading import Reading, announced, errors_named, opened
 from toolbox.data.record import record_in
 from toolbox.errors import DataError
@@ -81,7 +83,7 @@ def read_las(
     _check_box(metadata.header, packed, path.name)
     if metadata.laszip and len(waveform_channels(metadata, packed)) > 1:
         log.warning("%s: %s; read with care", path.name, MIXED_WAVEFORMS)
-    return _with_crs(metadata, path), packed
+    return _completed(metadata, path, lambda text: log.warning("%s %s", path.name, text)), packed
 
 
 def read_metadata(path: Path, warn: Callable[[str], None]) -> LasMetadata:
@@ -99,7 +101,7 @@ def read_metadata(path: Path, warn: Callable[[str], None]) -> LasMetadata:
     """
     with _named(path), path.open("rb") as stream:
         metadata = parse_metadata(stream, path.stat().st_size, warn)
-    return _with_crs(metadata, path)
+    return _completed(metadata, path, warn)
 
 
 def chunk_sizes(path: Path) -> list[int] | None:
@@ -120,9 +122,12 @@ def chunk_sizes(path: Path) -> list[int] | None:
             return [points for *_, points in _all_chunks(stream, metadata, size)]
 
 
-def _with_crs(metadata: LasMetadata, path: Path) -> LasMetadata:
+def _completed(metadata: LasMetadata, path: Path, warn: Callable[[str], None]) -> LasMetadata:
+    """The metadata with the CRS, and with what stands beside the file."""
+    if is_copc(path) and not metadata.copc:
+        warn(f"is named {COPC}, but is none by its content; it is read as LAZ, from end to end")
     crs = read_crs(metadata.all_vlrs, wkt=metadata.header.global_encoding.wkt, name=path.name)
-    return replace(metadata, crs=crs)
+    return replace(metadata, crs=crs, packets=packets_beside(metadata, path))
 
 
 @contextmanager

@@ -19,7 +19,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context
 from toolbox.data.las.header import SIZES, LasMetadata, parse_metadata
 from toolbox.data.las.points import MIXED_WAVEFORMS, waveform_channels
 from toolbox.data.reading import errors_named
@@ -60,8 +60,6 @@ def las_sink(
     DataError
         As for :func:`write_las`.
     """
-    if metadata.header.global_encoding.waveform_data_packets_external:
-        log.warning("waveforms stay in the .wdp file of the input: copy it beside the new file")
     with (
         path.open("wb") as stream,
         _sink(stream, metadata, str(path), compress=compress) as write,

@@ -6,6 +6,10 @@ ASPRS (2024). Positional Accuracy Standards for Digital Geospatial Data, Edition
 a statement names is the class, the actual RMSE with that of the checkpoints, for ground without
 (NVA) and with vegetation (VVA), and the number of checkpoints; without enough of them nothing is
 called tested.
+FGDC (1998). Geospatial Positioning Accuracy Standards, Part 3: National Standard for Spatial Data
+Accuracy (NSSDA), 3.2.2: a fifth of the checkpoints in each quarter of the area. Its other advice, a
+spacing of a tenth of the diagonal, is for 20 checkpoints: 100 have no room for it in a square. So
+that they are not crowded is judged against places taken by chance.
 """
 
 from __future__ import annotations
@@ -14,10 +18,14 @@ from collections.abc import Iterator, Mapping
 
 import pandas as pd
 
+from algorithms.compare._spread import LEAST
+
 STANDARD = (
     "ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2 (2024)"
 )
 FEWEST = 30  # checkpoints, by the standard
+NSSDA = "NSSDA, 1998, 3.2.2"
+EMPTIEST, APART = "NVA emptiest quarter", "NVA mean distance to next"  # items of a report
 CENTIMETRES = 100.0  # in a metre; classes of the standard are centimetres
 
 
@@ -26,7 +34,7 @@ def statement(report: pd.DataFrame) -> Iterator[str]:
 
     Parameters
     ----------
-    report : columns item and value, metres
+    report : columns item and value, metres; and note, where checkpoints are uneven
 
     Examples
     --------
@@ -56,11 +64,29 @@ checkpoints and 4.0 cm these themselves.
             f"{wanted * CENTIMETRES:.3g} cm RMSEV is {verdict}."
         )
     if count:
+        yield from _distribution(report)
         yield f"Non-vegetated vertical accuracy (NVA): {_actual('NVA', found)}"
     if green := int(found.get("VVA checkpoints", 0)):
         yield (
             f"Vegetated vertical accuracy (VVA), reported as found at {green} checkpoints: "
             f"{_actual('VVA', found)}"
+        )
+
+
+def _distribution(report: pd.DataFrame) -> Iterator[str]:
+    """What is to be said of checkpoints without vegetation that lie unevenly; nothing if not."""
+    rows = {row["item"]: row for row in report.to_dict("records")}
+    problems = []
+    if EMPTIEST in rows and (share := rows[EMPTIEST]["value"]) < LEAST:
+        where = rows[EMPTIEST]["note"].rpartition(" ")[2]
+        text = f"{100 * share:.0f} % of them are in its {where} quarter, where a fifth belongs"
+        problems.append(text)
+    if APART in rows and rows[APART]["note"].startswith("CROWDED"):
+        problems.append("they are closer together than places taken by chance")
+    if problems:
+        yield (
+            f"The checkpoints do not stand for the whole area: {' and '.join(problems)} "
+            f"({NSSDA}). What is said holds where they are."
         )
 
 

@@ -66,7 +66,7 @@ def read(path: Path) -> geopandas.GeoDataFrame:
     import geopandas
 
     frame = _frame(path)
-    columns = {str(name).lower(): name for name in frame}
+    columns = {str(name).lower(): str(name) for name in frame}
     if _WKT in columns:
         used = [columns[_WKT]]
         geometry: Any = shapely.from_wkt(frame[used[0]].fillna("").to_numpy(object))

@@ -170,7 +170,7 @@ def read_text(
     if table.count not in (None, len(frame)):
         raise DataError(f"{path} promises {table.count} points, and {len(frame)} are there")
     xyz = frame[["x", "y", "z"]].to_numpy(np.float64)
-    others = [name for name in frame if name not in ("x", "y", "z")]
+    others = [str(name) for name in frame if name not in ("x", "y", "z")]
     return xyz, {name: _compact(name, frame[name].to_numpy()) for name in others}
 
 

@@ -352,6 +352,7 @@ def test_checkpoints_in_one_corner_are_said_to_be_there(caplog: pytest.LogCaptur
     even = CompareSurfaces(surface=slope(), checkpoints=placed(spots)).run()
     assert not caplog.text
     assert even.report is not None
+    assert "whole area" not in even.in_words()
     row = even.report.frame.set_index("item").loc["NVA emptiest quarter"]
     counts = np.histogram2d(*spots.T, bins=[[0, 6, 12]] * 2)[0]
     assert row["value"] == pytest.approx(counts.min() / 40)
@@ -365,6 +366,10 @@ def test_checkpoints_in_one_corner_are_said_to_be_there(caplog: pytest.LogCaptur
     assert notes["NVA mean distance to next"].startswith("CROWDED: ")
     assert "NVA: only 0 % of the checkpoints are in the north-west" in caplog.text
     assert "NVA: the checkpoints are crowded" in caplog.text
+    assert (
+        "do not stand for the whole area: 0 % of them are in its north-west quarter, where a fifth "
+        "belongs and they are closer together than places taken by chance (NSSDA, 1998, 3.2.2)"
+    ) in out.in_words()
 
 
 def test_spread_is_told_by_land_cover() -> None:

@@ -163,7 +163,7 @@ def pulse(metadata: LasMetadata, packed: Array, number: int) -> Pulse:
     values = np.frombuffer(_packet(metadata, offset, needed), _SAMPLES[kind.bits])
     vector = np.array([point[name] for name in ("x_t", "y_t", "z_t")], float)
     return Pulse(
-        times=np.arange(kind.samples) * float(kind.spacing),
+        times=np.arange(kind.samples, dtype=np.float64) * kind.spacing,
         volts=kind.offset + kind.gain * values,
         location=float(point["return_point_wave_location"]),
         vector=vector,

@@ -171,7 +171,9 @@ class ClassifyBuildings:
         classified: PointCloud = sink(
             "The same points with buildings as class 6", label="Classified points"
         )
-        outlines: Vector = sink("Outlines of roofs with heights", columns=columns.BUILDINGS)
+        outlines: Vector = sink(
+            "Outlines of roofs with heights", columns=columns.BUILDINGS, also=(".city.json",)
+        )
         building_share: float = sink("Share of points that became building", unit="1")
 
         def in_words(self) -> str:

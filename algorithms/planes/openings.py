@@ -145,6 +145,7 @@ class PlanesOpenings:
         elevation: Vector = sink(
             "Each front and its openings, in its own coordinates",
             show=show.Classes("kind", apart=True),
+            also=(".ifc",),
         )
         dropped: Vector = sink("Gaps that are no openings, with the reason")
         planes: Vector = sink("Outlines of the planes that are left")

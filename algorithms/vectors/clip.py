@@ -47,7 +47,7 @@ class VectorsClip:
 
     @outputs
     class Outputs:
-        clipped: Vector = sink("What is left of the features")
+        clipped: Vector = sink("What is left of the features", also=(".city.json", ".ifc"))
         removed: int = sink("Features of which nothing is left", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:

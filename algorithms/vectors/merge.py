@@ -42,7 +42,7 @@ class VectorsMerge:
 
     @outputs
     class Outputs:
-        merged: Vector = sink("The features of all layers")
+        merged: Vector = sink("The features of all layers", also=(".city.json", ".ifc"))
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """There is a name for each layer."""

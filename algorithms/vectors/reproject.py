@@ -49,7 +49,7 @@ class VectorsReproject:
 
     @outputs
     class Outputs:
-        reprojected: Vector = sink("The features in the new CRS")
+        reprojected: Vector = sink("The features in the new CRS", also=(".city.json", ".ifc"))
         operation: Table = sink("What was done: property, value, unit")
 
     def halo(self) -> float:

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from affine import Affine
 from pyproj import CRS
+from scenes import layers
 
 import toolbox
 from algorithms.ground.csf import GroundCsf
 from algorithms.shoreline.alpha_shape import ShorelineAlphaShape
-from toolbox import PointCloud, Raster, Vector, execute
+from toolbox import PointCloud, Raster, Vector, catalog, execute
 from toolbox.context import QUIET, Context
 from toolbox.data.crs import crs_text, parse_crs
 from toolbox.declare.spec import REGISTRY, outputs, sink, source, tool
@@ -370,3 +371,18 @@ def test_progress_rises_over_reading_running_and_writing(text: Path, tmp_path: P
     toolbox.run("points.filter", values, ctx=Context(seen.append))
     assert seen == sorted(seen)
     assert seen[-1] == 1
+
+
+@pytest.mark.parametrize(("suffix", "content"), [(".ifc", "fronts"), (".city.json", "buildings")])
+def test_formats_of_certain_layers_are_told_before_the_run(
+    tmp_path: Path, suffix: str, content: str
+) -> None:
+    """Contours are no fronts; what only passes features on may well have them."""
+    surface, never = layers.raster(np.arange(12.0).reshape(3, 4)), Context(stop=lambda: True)
+    with pytest.raises(ParameterError, match=rf"contours: \{suffix} holds {content}.*\.gpkg"):
+        toolbox.run(
+            "surface.contours", {"surface": surface, "contours": tmp_path / f"a{suffix}"}, ctx=never
+        )
+    merged = catalog.load("vectors.merge").results["merged"]
+    assert suffix in merged.suffixes
+    assert suffix not in catalog.load("surface.contours").results["contours"].suffixes

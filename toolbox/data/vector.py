@@ -100,6 +100,9 @@ class Vector(Layer):
     NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType(
         {".parquet": PARQUET, ".ply": PLY, ifc.SUFFIX: IFC}
     )
+    SPECIAL: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {cityjson.SUFFIX: "buildings with heights", ifc.SUFFIX: "fronts with openings"}
+    )
     NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml", ".kmz")  # one of the Earth
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "vectors"

@@ -47,6 +47,7 @@ class Field:
     offers : texts that dialogs offer, besides which others are valid
     words : what a choice is called, where its own words do not say enough
     columns : how the columns of an output are shown in a report, by name
+    also : formats for layers of a certain content that an output is written in, too
     """
 
     name: str
@@ -66,6 +67,13 @@ class Field:
     offers: tuple[str, ...] = ()
     words: Mapping[Any, str] = dataclasses.field(default_factory=dict)
     columns: Mapping[str, Column] = dataclasses.field(default_factory=dict)
+    also: tuple[str, ...] = ()
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """Endings of the files that an output can be written to."""
+        special = self.kind.special.keys() - set(self.also)
+        return tuple(suffix for suffix in self.kind.suffixes if suffix not in special)
 
     @property
     def title(self) -> str:
@@ -185,7 +193,7 @@ class Field:
         for option in options:
             meta.append({"role": "option", "title": option, "value": OPTIONS[option].help})
         if self.role == "sink":
-            meta += [{"role": "suffix", "value": suffix} for suffix in self.kind.suffixes]
+            meta += [{"role": "suffix", "value": suffix} for suffix in self.suffixes]
         for choice in self.words:
             meta.append({"role": "choice", "title": str(choice), "value": self.words[choice]})
         made: dict[str, Any] = {"title": self.title}

@@ -52,6 +52,7 @@ class Kind:
     plain : whether the word alone says what a text must look like, so that errors need no more
     open : reads a layer from a path; only `toolbox.runs.source` calls it
     suffixes : endings of the files that it can be written to; empty if it is no layer
+    special : endings of those of them that hold layers of a certain content alone, and which
     needs : optional libraries that files with some endings need
     open_options, save_options : names in `OPTIONS` that a source or target may have
     own_files : all files that a layer written to a path consists of
@@ -67,6 +68,7 @@ class Kind:
     plain: bool = False
     open: Callable[..., Any] | None = None
     suffixes: tuple[str, ...] = ()
+    special: Mapping[str, str] = field(default_factory=dict)
     needs: Mapping[str, Extra] = field(default_factory=dict)
     open_options: tuple[str, ...] = ()
     save_options: tuple[str, ...] = ()
@@ -277,6 +279,7 @@ def _layer(
         lambda value: value,
         open=reader,
         suffixes=cls.SUFFIXES,
+        special=getattr(cls, "SPECIAL", {}),
         needs=cls.NEEDS,
         open_options=_options_of(reader),
         save_options=_options_of(cls.save),

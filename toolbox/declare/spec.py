@@ -107,6 +107,7 @@ def sink(
     show: Show | tuple[Show, ...] = (),
     label: str = "",
     columns: Mapping[str, Column] = MappingProxyType({}),
+    also: tuple[str, ...] = (),
 ) -> Any:
     """Declare a layer, number or text that the tool returns.
 
@@ -117,6 +118,7 @@ def sink(
     show : how a layer is shown in a plot, see `toolbox.declare.show`; several make several panels
     columns : heading, unit and digits of the columns of a table or of features, in reports; those
         of other names are shown by their names
+    also : formats for layers of a certain content, such as ".ifc", that this one has or may have
 
     Examples
     --------
@@ -124,7 +126,7 @@ def sink(
     """
     shows = show if isinstance(show, tuple) else (show,)
     meta = {"role": "sink", "help": help, "unit": unit, "show": shows, "label": label}
-    return dataclasses.field(metadata=meta | {"columns": columns})
+    return dataclasses.field(metadata=meta | {"columns": columns, "also": also})
 
 
 @dataclass_transform(

@@ -134,7 +134,7 @@ def field(f: Field) -> dict[str, Any]:
         label += f" [{f.unit}]"
     made |= {"label": label, "many": f.many}
     if f.role == "sink":
-        made |= {"suffixes": list(f.kind.suffixes)} if f.kind.is_layer else {}
+        made |= {"suffixes": list(f.suffixes)} if f.kind.is_layer else {}
         classes = next((show for show in f.show if isinstance(show, Classes)), None)
         return made | ({"classes": _classes(classes)} if classes else {})
     offers = f.offers or (f.choices if f.kind is not CHOICE else ())

@@ -48,6 +48,7 @@ class Target:
     needs : optional libraries that files with some endings need
     output : the result that it is for
     folder : it is one, for one file per file of a survey
+    special : endings that only layers of a certain content can have, and which content
     delivered : it belongs to the set of a folder, see `toolbox.runs.delivery`
     """
 
@@ -60,6 +61,7 @@ class Target:
     own_files: files.OwnFiles
     output: str = ""
     folder: bool = False
+    special: Mapping[str, str] = field(default_factory=dict)
     delivered: bool = False
 
     @classmethod
@@ -73,8 +75,9 @@ class Target:
         folder = kind.several and (
             str(path).endswith(("/", os.sep)) or bool(resolved and _is_folder(resolved))
         )
-        own = kind.suffixes, kind.needs, kind.save_options, kind.own_files
-        return cls(given, resolved, how, *own, output=name, folder=folder)
+        suffixes = kind.suffixes if name in SHOWN else spec.results[name].suffixes
+        own = suffixes, kind.needs, kind.save_options, kind.own_files
+        return cls(given, resolved, how, *own, output=name, folder=folder, special=kind.special)
 
     @property
     def layer(self) -> str | None:
@@ -139,14 +142,17 @@ class Target:
             return self._unusable()
         try:
             parsed_options(self.options, self.known)
-            return None if self.folder else self._foreign(self.resolved)
+            return None if self.folder else self._unsuited(self.resolved)
         except OSError as err:
             return f"{self.path} cannot be a file: {err.strerror}"
         except ValueError as err:
             return str(err)
 
-    def _foreign(self, path: Path) -> str | None:
-        """Which file of somebody else stands where one would be written beside a path, or None."""
+    def _unsuited(self, path: Path) -> str | None:
+        """What the format cannot hold, or which file of somebody else stands beside; or None."""
+        for suffix, content in self.special.items():
+            if path.name.lower().endswith(suffix) and suffix not in self.suffixes:
+                return f"{suffix} holds {content}, which this output has not; write .gpkg"
         if other := foreign_side_car(path):
             return f"{other} stands where its record would be written; choose another name"
         if self.is_las and (other := foreign_packets(path)):

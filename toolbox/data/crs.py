@@ -47,6 +47,9 @@ _FORMS = "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), 'EPSG:2154+ellipsoi
 _FORMS += "above the ellipsoid), a WKT text, or 'local'"
 _FORMS += " (plain metres; local:mm, local:cm, local:ft)"
 _CODE = re.compile(r"[A-Za-z]\w*:\w+(\+\w+)?")
+ABOVE_ELLIPSOID = "above the ellipsoid"
+"""What :func:`height_system` says of heights that are not above a geoid."""
+
 _ELLIPSOID = "+ellipsoid"  # behind a code: heights are measured from the ellipsoid of its datum
 _UNITS = {1.0: "metre", 0.3048: "foot", 1200 / 3937: "US survey foot"}
 _UNITS |= {0.001: "millimetre", 0.01: "centimetre"}
@@ -372,7 +375,7 @@ def height_system(crs: CRS) -> str:
     if is_local(crs):
         return "as in the data, no datum"
     flat = len(parts[0].axis_info) < 3
-    return "not stated by the data" if flat else "above the ellipsoid"
+    return "not stated by the data" if flat else ABOVE_ELLIPSOID
 
 
 def crs_text(crs: CRS | None) -> str:

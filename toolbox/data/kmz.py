@@ -9,6 +9,7 @@ OGC 12-007r2 (2015). OGC KML 2.3; a KMZ file is a ZIP archive whose first KML fi
 
 from __future__ import annotations
 
+import itertools
 import zipfile
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -51,13 +52,16 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
     ElementTree.register_namespace("", _SPACE)
     whole = ElementTree.Element(f"{{{_SPACE}}}kml")
     document = ElementTree.SubElement(whole, f"{{{_SPACE}}}Document")
+    parts = []
     with TemporaryDirectory(dir=path.parent, prefix=".kmz-") as folder:
         for number, (name, rows) in enumerate(groups):  # GDAL appends a layer very slowly
             draft = Path(folder) / f"{number}.kml"
             with geopackage.same_date():
                 pyogrio.write_dataframe(_named(rows, name), draft, layer=name, driver="LIBKML")
             root = ElementTree.parse(draft).getroot()
-            document.extend(_styled(root[0], number, name))
+            parts.append(_styled(root[0], number, name))
+    for kind in zip(*parts, strict=True):  # the schema wants all styles first, then all columns
+        document.extend(itertools.chain.from_iterable(kind))
     text = ElementTree.tostring(whole, encoding="utf-8", xml_declaration=True)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(zipfile.ZipInfo("doc.kml", _EPOCH), text, zipfile.ZIP_DEFLATED)
@@ -79,8 +83,10 @@ def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _styled(document: ElementTree.Element, number: int, name: str) -> list[ElementTree.Element]:
-    """The style and the columns of a layer, and a folder with its features."""
+def _styled(
+    document: ElementTree.Element, number: int, name: str
+) -> tuple[list[ElementTree.Element], list[ElementTree.Element], list[ElementTree.Element]]:
+    """The style of a layer, its columns, and a folder with its features."""
     style = ElementTree.Element(f"{{{_SPACE}}}Style", id=f"style{number}")
     colour = _COLOURS[number % len(_COLOURS)]
     icon = _add(style, "IconStyle", color=colour, scale="0.7")
@@ -93,7 +99,7 @@ def _styled(document: ElementTree.Element, number: int, name: str) -> list[Eleme
     for place in document.iter(f"{{{_SPACE}}}Placemark"):
         _set_style(place, f"#style{number}")
         folder.append(place)
-    return [style, *document.iterfind(f"{{{_SPACE}}}Schema"), folder]
+    return [style], document.findall(f"{{{_SPACE}}}Schema"), [folder]
 
 
 def _add(parent: ElementTree.Element, name: str, **texts: str) -> ElementTree.Element:

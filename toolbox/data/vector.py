@@ -26,9 +26,11 @@ from toolbox.data import (
     shapefile,
 )
 from toolbox.data.crs import (
+    ABOVE_ELLIPSOID,
     crs_from_json,
     crs_to_json,
     describe_crs,
+    height_system,
     horizontal_crs,
     is_local,
     local_crs,
@@ -567,4 +569,8 @@ def _for_kml(frame: geopandas.GeoDataFrame, path: Path) -> geopandas.GeoDataFram
         )
     if (frame.has_z & ~frame.geom_type.str.contains("Polygon", na=True)).any():
         plane["altitudeMode"] = "absolute"  # or wires would be drawn on the ground
+        if height_system(frame.crs) == ABOVE_ELLIPSOID:
+            text = "%s: its heights are above the ellipsoid, and KML has them above the sea: what "
+            text += "hangs in the air is drawn too high or too low; reproject it to such heights"
+            log.warning(text, path.name)
     return plane

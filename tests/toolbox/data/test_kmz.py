@@ -1,0 +1,80 @@
+"""KMZ: one well-formed KML with styles, in WGS 84, whose wires hang in the air."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+from pyproj import CRS, Transformer
+
+from toolbox.data import Vector
+
+SPACE = "{http://www.opengis.net/kml/2.2}"
+
+
+def line(crs: str = "EPSG:32635+5773") -> geopandas.GeoDataFrame:
+    """Two wires and a tower, heights in the unit of the CRS."""
+    xyz = [[500_000, 4_500_000, 120], [500_100, 4_500_000, 110], [500_200, 4_500_000, 120]]
+    shapes = [
+        shapely.LineString(xyz),
+        shapely.LineString(np.add(xyz, [0, 10, 0])),
+        shapely.Point(500_000, 4_500_005, 100),
+    ]
+    columns = {"layer": ["wire", "wire", "tower & mast"], "wire_id": [1, 2, 0]}
+    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=CRS(crs))
+
+
+def opened(path: Path) -> ElementTree.Element:
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None
+        assert archive.namelist() == ["doc.kml"]
+        document = ElementTree.fromstring(archive.read("doc.kml"))[0]
+    assert document.tag == f"{SPACE}Document"
+    return document
+
+
+def test_styles_come_first_and_each_is_there(tmp_path: Path) -> None:
+    """The order of the elements of a Document in the schema: styles, columns, features."""
+    Vector(line()).save(tmp_path / "a.kmz")
+    document = opened(tmp_path / "a.kmz")
+    tags = [child.tag.removeprefix(SPACE) for child in document]
+    assert tags == ["Style"] * 2 + ["Schema"] * 2 + ["Folder"] * 2
+    styles = {f"#{style.get('id')}" for style in document.iter(f"{SPACE}Style")}
+    used = [place.findtext(f"{SPACE}styleUrl") for place in document.iter(f"{SPACE}Placemark")]
+    assert len(used) == 3
+    assert set(used) == styles
+    schemas = {f"#{schema.get('id')}" for schema in document.iter(f"{SPACE}Schema")}
+    assert {data.get("schemaUrl") for data in document.iter(f"{SPACE}SchemaData")} <= schemas
+    assert document.findtext(f"{SPACE}Folder[2]/{SPACE}name") == "tower & mast"
+
+
+def test_wires_hang_at_their_heights_in_wgs_84(tmp_path: Path) -> None:
+    Vector(line()).save(tmp_path / "a.kmz")
+    document = opened(tmp_path / "a.kmz")
+    wire = next(document.iter(f"{SPACE}LineString"))
+    assert wire.findtext(f"{SPACE}altitudeMode") == "absolute"
+    text = wire.findtext(f"{SPACE}coordinates") or ""
+    found = np.array([list(map(float, triple.split(","))) for triple in text.split()])
+    to_degrees = Transformer.from_crs(32635, 4326, always_xy=True)
+    x, y, z = np.array(line().geometry[0].coords).T
+    np.testing.assert_allclose(found, np.column_stack([*to_degrees.transform(x, y), z]), atol=1e-9)
+
+
+def test_heights_in_feet_become_metres(tmp_path: Path) -> None:
+    Vector(line("EPSG:32635+6360")).save(tmp_path / "a.kmz")  # NAVD88 in US survey feet
+    text = next(opened(tmp_path / "a.kmz").iter(f"{SPACE}coordinates")).text or ""
+    assert float(text.split()[0].split(",")[2]) == pytest.approx(120 * 1200 / 3937)
+
+
+def test_heights_above_the_ellipsoid_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    Vector(line()).save(tmp_path / "a.kmz")
+    assert not caplog.text
+    Vector(line().set_crs(CRS(32635).to_3d(), allow_override=True)).save(tmp_path / "b.kmz")
+    assert "b.kmz: its heights are above the ellipsoid" in caplog.text

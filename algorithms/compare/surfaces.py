@@ -23,7 +23,7 @@ from algorithms.compare._shapes import areas_at
 from algorithms.compare._spread import Quarters, spread
 from algorithms.compare._statement import FEWEST, horizontal, statement
 from algorithms.shared import parameters
-from algorithms.shared.alignment import difference, misfit
+from algorithms.shared.alignment import apart, difference, misfit
 from algorithms.shared.error_measures import COUNTS, MEANING, measures
 from algorithms.shared.ground import taking_part
 from algorithms.shared.heights import heights_problem
@@ -209,6 +209,8 @@ class CompareSurfaces:
                 yield "reference", f"{_named(other)} {text}"
             elif text := crs_conflict(other.crs, one.crs, heights=True, tools="surface"):
                 yield "reference", f"{_named(other)} {text} of {_named(one)}"
+            elif apart(Lattice.of(one), Lattice.of(other)):
+                yield "reference", f"{_named(other)} lies nowhere on the area of {_named(one)}"
             elif not self.resample and (text := misfit(Lattice.of(one), Lattice.of(other))):
                 yield (
                     "reference",

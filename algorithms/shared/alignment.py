@@ -22,16 +22,29 @@ def misfit(one: Lattice, other: Lattice) -> str | None:
     >>> misfit(Lattice(0, 9, 1.0, 9, 9), Lattice(2, 7, 1.0, 3, 3)) is None
     True
     """
+    if apart(one, other):
+        return "lies nowhere on the area"
     if abs(other.cell - one.cell) * max(one.shape) > ALIGNED * one.cell:
         return f"has cells of {other.cell:g}, not the {one.cell:g}"
-    for apart in ((other.west - one.west) / one.cell, (other.north - one.north) / one.cell):
-        if abs(apart - round(apart)) > ALIGNED:
-            return f"lies {abs(apart - round(apart)):.3g} of a cell beside the cells"
-    down, right = offset(one, other)
-    rows, cols = one.shape
-    if not (-other.rows < down < rows and -other.cols < right < cols):
-        return "lies nowhere on the area"
+    for steps in ((other.west - one.west) / one.cell, (other.north - one.north) / one.cell):
+        if abs(steps - round(steps)) > ALIGNED:
+            return f"lies {abs(steps - round(steps)):.3g} of a cell beside the cells"
     return None
+
+
+def apart(one: Lattice, other: Lattice) -> bool:
+    """Whether two lattices have no area in common.
+
+    Examples
+    --------
+    >>> apart(Lattice(0, 9, 1.0, 9, 9), Lattice(9, 9, 2.0, 3, 3))
+    True
+    """
+    west, south, east, north = one.bounds
+    xmin, ymin, xmax, ymax = other.bounds
+    near = ALIGNED * min(one.cell, other.cell)
+    wide = min(east, xmax) - max(west, xmin), min(north, ymax) - max(south, ymin)
+    return min(wide) <= near
 
 
 def offset(one: Lattice, other: Lattice) -> tuple[int, int]:

@@ -10,6 +10,7 @@ import argparse
 import io
 import json
 import os
+import shutil
 import stat
 import sys
 import time
@@ -172,6 +173,7 @@ def _describe(args: argparse.Namespace, _: Console) -> None:
 
 def _info(args: argparse.Namespace, console: Console) -> None:
     from toolbox.cli.info import describe_file
+    from toolbox.cli.tables import properties
 
     with console.progress() as report:
         table = stoppable(
@@ -179,7 +181,12 @@ def _info(args: argparse.Namespace, console: Console) -> None:
             report,
             farewell=lambda: console.error(Cancelled()),
         )
-    print(json_text(table.rows(), indent=2) if console.as_json else table.text())
+    if console.as_json:
+        print(json_text(table.rows(), indent=2))
+    elif sys.stdout.isatty() or "COLUMNS" in os.environ:
+        print(properties(table.frame, shutil.get_terminal_size().columns))
+    else:  # programs find each property in a line
+        print(table.text())
 
 
 def _history(args: argparse.Namespace, _: Console) -> None:

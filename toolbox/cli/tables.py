@@ -66,6 +66,39 @@ def fitted(frame: pd.DataFrame, width: int) -> str:
     return "\n".join("\n".join(_printed(part, width)) for part in parts)
 
 
+def properties(frame: pd.DataFrame, width: int) -> str:
+    """A table of property, value and unit, with the unit behind its value.
+
+    Long values go on in the next line; on a narrow terminal each stands below its property.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> rows = {"property": ["area", "file"], "value": [5.5, "a b"], "unit": ["m2", ""]}
+    >>> print(properties(pd.DataFrame(rows), 40))
+    area  5.5 m2
+    file  a b
+    """
+    names = list(map(str, frame["property"]))
+    values = zip(cell_texts(frame["value"], missing="-"), frame["unit"].fillna(""), strict=True)
+    texts = [f"{value} {unit}".strip() for value, unit in values]
+    left = max(map(len, names), default=0) + len(GAP)
+    if width - left >= NARROWEST:
+        heads = [name.ljust(left) for name in names]
+        return "\n".join(_hung(*pair, " " * left, width) for pair in zip(heads, texts, strict=True))
+    lines = []
+    for name, text in zip(names, texts, strict=True):
+        short = f"{name}{GAP}{text}"
+        lines += [short] if len(short) <= width else [name, _hung(GAP, text, GAP, width)]
+    return "\n".join(lines)
+
+
+def _hung(head: str, text: str, indent: str, width: int) -> str:
+    """A text behind a head, whose further lines are indented."""
+    how = {"initial_indent": head, "subsequent_indent": indent, "break_on_hyphens": False}
+    return textwrap.fill(text, width, **how) or head.rstrip()  # type: ignore[arg-type]
+
+
 def _columns(frame: pd.DataFrame) -> Iterator[_Column]:
     """The columns, those of limits within that of their values."""
     names = [str(name) for name in frame]

@@ -517,3 +517,14 @@ def test_covers_that_do_not_occur_are_named() -> None:
             cover_attribute="lc",
             vegetated=("wood",),
         ).run()
+
+
+@pytest.mark.parametrize("resample", [False, True])
+@pytest.mark.parametrize("cell", [1.0, 0.4])
+def test_rasters_of_other_places_cannot_be_resampled(resample: bool, cell: float) -> None:
+    """Whatever their cells are, what is wrong is the place."""
+    lattice = Lattice(WEST + 12, NORTH, cell, 5, 5)  # beside the surface, edge to edge
+    away = Raster.from_lattice(np.ones((5, 5)), lattice, crs=slope().crs)
+    with pytest.raises(DataError, match="lies nowhere on the area") as caught:
+        CompareSurfaces(surface=slope(), reference=away, resample=resample).run()
+    assert "give resample" not in str(caught.value)

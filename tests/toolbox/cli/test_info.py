@@ -14,6 +14,7 @@ import shapely
 from affine import Affine
 
 from toolbox.cli.info import describe_file
+from toolbox.cli.main import main
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.errors import DataError, ParameterError
 
@@ -155,3 +156,24 @@ def test_real_map_of_several_layers(data: Callable[[str], Path]) -> None:
     assert found["layer pand"] == "Polygon"
     assert found["layer pand features"] == 28
     assert found["layer pand crs"] == "EPSG:28992 Amersfoort / RD New"
+
+
+@pytest.mark.parametrize("width", [40, 79])
+def test_information_fits_the_terminal(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    width: int,
+) -> None:
+    """All of it is there, and programs that read a pipe find each property in one line."""
+    PointCloud([[0, 0, 5.0], [1, 2, 6.0]]).save(tmp_path / "a.las")
+    monkeypatch.delenv("COLUMNS", raising=False)
+    assert main(["info", str(tmp_path / "a.las")]) == 0
+    piped = capsys.readouterr().out
+    assert max(map(len, piped.splitlines())) > 100
+    monkeypatch.setenv("COLUMNS", str(width))
+    assert main(["info", str(tmp_path / "a.las")]) == 0
+    fitted = capsys.readouterr().out
+    assert max(map(len, fitted.splitlines())) <= width
+    rows = piped.partition("\n")[2]  # without the names of the columns
+    assert sorted(fitted.split()) == sorted(rows.split())

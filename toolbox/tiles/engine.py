@@ -58,6 +58,7 @@ BYTES_PER_POINT = 400  # that the hungriest tools need for a tile with its neigh
 SMALLEST = 0.1  # metres: smaller tiles are taken for a mistake in the size
 RIM = 40.0  # metres that a raster may reach beyond all points: whole blocks of its cells
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
+_WORK, _LOCK = ".tiles-", "lock"  # beginning of the names of working folders; a file in them
 
 
 def run(
@@ -314,12 +315,13 @@ def _working_folder(
                 folder.mkdir(parents=True)
             yield work
         return
-    work = first.parent / f".tiles-{_key(job, plan.model, record)}"
+    work = first.parent / f"{_WORK}{_key(job, plan.model, record)}"
     goes_on = resume and work.exists()
+    _tell_of_others(work, goes_on=goes_on, resume=resume)
     work.mkdir(mode=0o700, exist_ok=True)
     if not files.is_private(work):
         raise DataError(f"{job.id}: {work} must be a folder in which only you may write; remove it")
-    lock = FileLock(work / "lock", blocking=False)
+    lock = FileLock(work / _LOCK, blocking=False)
     try:
         lock.acquire()
     except Timeout:
@@ -336,6 +338,29 @@ def _working_folder(
         shutil.rmtree(work, ignore_errors=True)
     finally:
         lock.release()
+
+
+def _tell_of_others(work: Path, *, goes_on: bool, resume: bool) -> None:
+    """Warn of what stopped runs with other settings or other data have left beside a folder."""
+    left = [folder for folder in sorted(work.parent.glob(f"{_WORK}*")) if _is_left(folder, work)]
+    if not left or goes_on:
+        return
+    names = ", ".join(folder.name for folder in left)
+    says = "nothing to go on with for these settings and data; " if resume else ""
+    log.warning("%sstopped runs with others have left %s in %s", says, names, work.parent)
+    log.warning("give --resume with the settings of such a run, or remove what it has left")
+
+
+def _is_left(folder: Path, work: Path) -> bool:
+    """Whether a folder is that of a run with other settings that is at work no more."""
+    lock = FileLock(folder / _LOCK, blocking=False)
+    if folder == work or not folder.is_dir():
+        return False
+    try:
+        with lock:
+            return True
+    except (Timeout, OSError):
+        return False
 
 
 def _folders(work: Path, plan: TilePlan) -> list[Path]:

@@ -20,6 +20,7 @@ import laspy
 import numpy as np
 import pytest
 from affine import Affine
+from filelock import FileLock
 from pyproj import CRS
 
 import toolbox
@@ -405,6 +406,30 @@ def test_resume_begins_anew_if_another_layer_has_changed(
     toolbox.run("surface.grid", values, tiling=tiling, resume=True)
     whole = toolbox.run("surface.grid", values | {"surface": None})["surface"]
     np.testing.assert_array_equal(Raster.open(out).values, whole.values)
+
+
+@pytest.mark.slow
+def test_what_runs_with_other_tiles_have_left_is_told(
+    survey: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A run with another size of tiles cannot go on from there, and does not remove it."""
+    values = {"points": survey, "method": "max", "cell": 2, "surface": tmp_path / "o.tif"}
+    begun = Context(lambda fraction: None, lambda: bool(list(tmp_path.glob(".tiles-*"))))
+    with pytest.raises(Cancelled):
+        toolbox.run("surface.grid", values, tiling=Tiling(37.0, 1), ctx=begun)
+    (left,) = tmp_path.glob(".tiles-*")
+    assert "have left" not in caplog.text
+    toolbox.run("surface.grid", values, tiling=Tiling(60.0, 1), resume=True)
+    assert "nothing to go on with for these settings and data" in caplog.text
+    assert f"stopped runs with others have left {left.name}" in caplog.text
+    caplog.clear()
+    with FileLock(left / "lock"):  # it is at work
+        toolbox.run("surface.grid", values, tiling=Tiling(60.0, 1), overwrite=True)
+    assert "have left" not in caplog.text
+    assert list(tmp_path.glob(".tiles-*")) == [left]
+    toolbox.run("surface.grid", values, tiling=Tiling(37.0, 1), overwrite=True, resume=True)
+    assert "have left" not in caplog.text
+    assert not list(tmp_path.glob(".tiles-*"))
 
 
 def test_another_layer_that_changes_between_tiles_is_an_error(

@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Table
-from toolbox.data.las.waveforms import Pulse
 from toolbox.declare import Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    from toolbox.data.las.waveforms import Pulse
 
 INDEX = "wavepacket_index"  # attribute of points: 0 without a waveform
 PER_NS = 1000.0  # picoseconds

@@ -69,6 +69,32 @@ def misplaced(crs: CRS | None, bounds: Sequence[float]) -> Misplaced | None:
     return Misplaced(f"{where}, which {what}, and lies {outside}; {advice}", sure)
 
 
+def reaching_beyond(source: CRS, target: CRS, bounds: Sequence[float]) -> str:
+    """What part of bounds is far outside the area of use of another CRS, in words; "" if none is.
+
+    Parameters
+    ----------
+    source : of the bounds, xmin, ymin, xmax, ymax
+
+    Examples
+    --------
+    >>> reaching_beyond(CRS(4326), CRS(32635), (25, 40, 31, 45))
+    ''
+    >>> reaching_beyond(CRS(4326), CRS(32635), (-180, -90, 180, 90)).partition(" of it")[0]
+    'about 98 %'
+    """
+    horizontal = horizontal_crs(target)
+    area = _area_of_use(horizontal) if horizontal.is_projected else None
+    if area is None or not np.isfinite(bounds).all():
+        return ""
+    inside = _inside(horizontal_crs(source), area, bounds, MARGIN, 21)
+    if inside.all():
+        return ""
+    where = f"the area of use of {describe_crs(horizontal)} ({_text(area)})"
+    share = f"about {100 * (1 - inside.mean()):.0f} % of it is far outside {where}"
+    return f"{share}; lengths and areas there are wrong, or it is not there at all"
+
+
 def _text(area: Any) -> str:
     """The longitudes and latitudes of an area."""
     return f"{area.west:g} to {area.east:g} E, {area.south:g} to {area.north:g} N"
@@ -94,12 +120,19 @@ def _area_of_use(crs: CRS) -> Any:
 
 def _outside(crs: CRS, area: Any, bounds: Sequence[float], margin: float) -> bool:
     """Whether the corners, the middles of the edges and the centre are all outside an area."""
+    return not _inside(crs, area, bounds, margin, 3).any()
+
+
+def _inside(
+    crs: CRS, area: Any, bounds: Sequence[float], margin: float, count: int
+) -> NDArray[np.bool_]:
+    """Which of count * count places, spread over bounds, are inside an area."""
     xmin, ymin, xmax, ymax = bounds
-    x, y = np.meshgrid(np.linspace(xmin, xmax, 3), np.linspace(ymin, ymax, 3))
+    x, y = np.meshgrid(np.linspace(xmin, xmax, count), np.linspace(ymin, ymax, count))
     to_degrees = Transformer.from_crs(crs, CRS(4326), always_xy=True)
     east, north = (np.asarray(v, float) for v in to_degrees.transform(x.ravel(), y.ravel()))
     width = (area.east - area.west) % 360 or 360.0  # an area may cross the meridian of 180 degrees
     with np.errstate(invalid="ignore"):  # where a projection ends it gives infinity
         inside: NDArray[np.bool_] = (east - area.west + margin) % 360 <= width + 2 * margin
     inside &= (north >= area.south - margin) & (north <= area.north + margin)
-    return not inside.any()
+    return inside

@@ -27,7 +27,8 @@ from pyproj.crs import CompoundCRS
 from pyproj.enums import TransformDirection
 from pyproj.transformer import TransformerGroup
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
+from toolbox.data.area_of_use import reaching_beyond
 from toolbox.data.crs import (
     describe_crs,
     has_heights,
@@ -156,6 +157,8 @@ def operation(
         raise DataError("has no CRS; state it with --assume-crs, or in the file: points.assign_crs")
     if is_local(source) or is_local(target):
         return _scaling(source, target)
+    if beyond := reaching_beyond(source, target, in_plan(bounds)):
+        log.warning("reprojecting: %s", beyond)
     area = _area(source, bounds)
     how = {"area": area, "epoch": epoch, "missing_grid": missing_grid}
     if not heights:

@@ -11,6 +11,7 @@ from pyproj import CRS
 from toolbox.data import PointCloud
 from toolbox.data.area_of_use import misplaced
 from toolbox.data.crs import LOCAL, parse_crs
+from toolbox.data.operation import operation
 
 HERE = (500_000, 4_600_000, 501_000, 4_601_000)
 ISTANBUL = (29.01, 41.0, 29.02, 41.01)
@@ -77,3 +78,22 @@ def test_real_files_are_in_their_place(name: str, data: Callable[[str], Path]) -
     cloud = PointCloud.open(data(name))
     assert cloud.crs is not None
     assert misplaced(cloud.crs, cloud.bounds) is None
+
+
+@pytest.mark.parametrize(
+    ("target", "bounds", "share"),
+    [
+        (32635, (24, 40, 30, 45), None),  # its own zone
+        (32635, (21.5, 40, 32.5, 45), None),  # and half a zone on either side
+        (32635, (24, 40, 48, 45), "about 62 % of it"),
+        (3857, (-180, -85, 180, 85), None),
+        (3857, (-180, -90, 180, 90), "about 10 % of it"),
+        (4326, (-180, -90, 180, 90), None),
+    ],
+)
+def test_what_reaches_beyond_a_projection_is_told(
+    target: int, bounds: tuple[float, ...], share: str | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    operation(CRS(4326), CRS(target), bounds)
+    assert ("outside the area of use" in caplog.text) == (share is not None)
+    assert (share or "") in caplog.text

@@ -20,6 +20,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at (127.0.0.1)")
     parser.add_argument("--port", type=int, default=5000, help="port to listen at (5000)")
     parser.add_argument(
+        "--url", help="address at which clients see the server, where a proxy is in front"
+    )
+    parser.add_argument(
         "--behind-authentication",
         action="store_true",
         help="others may reach the address, and a proxy in front asks who they are",
@@ -36,6 +39,8 @@ def run(args: argparse.Namespace, _: Console) -> None:
     from toolbox.server.jobs import Limits
 
     limits = Limits(args.jobs, args.waiting, args.seconds, args.megabytes)
-    serve.check(args.host, args.port, args.data, limits, exposed=args.behind_authentication)
+    exposed = args.behind_authentication
+    serve.check(args.host, args.port, args.data, limits, exposed=exposed, url=args.url)
     data, state = args.data.resolve(), args.state.resolve()
-    serve.serve(data, state, args.host, args.port, limits, ready=partial(print, flush=True))
+    ready = partial(print, flush=True)
+    serve.serve(data, state, args.host, args.port, limits, url=args.url, ready=ready)

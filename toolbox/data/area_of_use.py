@@ -81,7 +81,7 @@ def reaching_beyond(source: CRS, target: CRS, bounds: Sequence[float]) -> str:
     >>> reaching_beyond(CRS(4326), CRS(32635), (25, 40, 31, 45))
     ''
     >>> reaching_beyond(CRS(4326), CRS(32635), (-180, -90, 180, 90)).partition(" of it")[0]
-    'about 98 %'
+    'about 99 %'
     """
     horizontal = horizontal_crs(target)
     area = _area_of_use(horizontal) if horizontal.is_projected else None
@@ -91,7 +91,8 @@ def reaching_beyond(source: CRS, target: CRS, bounds: Sequence[float]) -> str:
     if inside.all():
         return ""
     where = f"the area of use of {describe_crs(horizontal)} ({_text(area)})"
-    share = f"about {100 * (1 - inside.mean()):.0f} % of it is far outside {where}"
+    percent = min(max(round(100 * (1 - inside.mean())), 1), 99)
+    share = f"about {percent} % of it is far outside {where}"
     return f"{share}; lengths and areas there are wrong, or it is not there at all"
 
 

@@ -144,11 +144,19 @@ def _is(*types: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, types)
 
 
+OF_SEVERAL = {
+    Extent: "xmin, ymin, xmax, ymax in the CRS and unit of the data, easting first",
+    Position: "x, y in the CRS and unit of the data, easting first",
+}
+"""What the numbers of such values are, for process descriptions."""
+
+
 def _several(cls: Any) -> Kind:
     """The kind of a value that consists of several numbers."""
     count = len(cls._fields)
     schema = {"type": "array", "items": {"type": "number"}, "minItems": count, "maxItems": count}
-    return Kind(cls.__name__.lower(), schema, _is(cls), cls.parse, list)
+    said = {"description": OF_SEVERAL[cls]} if cls in OF_SEVERAL else {}
+    return Kind(cls.__name__.lower(), schema | said, _is(cls), cls.parse, list)
 
 
 def _scalars() -> dict[Any, Kind]:

@@ -54,7 +54,7 @@ class JobManager(BaseManager):  # type: ignore[misc]
         self.is_async = True
         self.url = manager_def["url"]
         folder = Path(manager_def["jobs"])
-        self.places = Places(Path(manager_def["data"]), folder)
+        self.places = Places(Path(manager_def["data"]), folder, self.url)
         self.jobs = queue_of(folder, Limits(**manager_def["limits"]))
 
     def execute_process(

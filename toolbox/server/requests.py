@@ -21,10 +21,11 @@ ELSEWHERE = re.compile(r"[/\\]")  # a text that may be a path
 
 
 class Places:
-    """The folder of data, and that of jobs."""
+    """The folder of data, and that of jobs, and the path of the address at which clients see us."""
 
-    def __init__(self, data: Path, jobs: Path) -> None:
+    def __init__(self, data: Path, jobs: Path, url: str = "") -> None:
         self.data, self.jobs = data.resolve(), jobs.resolve()
+        self.base = urlsplit(url).path
 
     def path_of(self, href: str) -> Path:
         """The file that a reference names.
@@ -34,7 +35,7 @@ class Places:
         ValueError
             It is none of the data and no result, or of a kind that names other files.
         """
-        result = FILES.fullmatch(urlsplit(href).path)
+        result = FILES.fullmatch(urlsplit(href).path.removeprefix(self.base))
         root = self.jobs / result[1] if result else self.data
         path = (root / (result[2] if result else unquote(href))).resolve()
         if not path.is_relative_to(root) or not path.exists() or path == root:

@@ -6,9 +6,11 @@ import importlib
 import ipaddress
 import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from toolbox import __version__, catalog
 from toolbox.errors import DataError, ParameterError
@@ -19,7 +21,9 @@ BODY = 1 << 20  # bytes of a request: layers come by reference
 THREADS = 32  # each request that waits for its job holds one
 
 
-def check(host: str, port: int, data: Path, limits: Limits, *, exposed: bool) -> None:
+def check(
+    host: str, port: int, data: Path, limits: Limits, *, exposed: bool, url: str | None = None
+) -> None:
     """Refuse what would open the server to others, serve no folder, or never run a job.
 
     Raises
@@ -42,6 +46,8 @@ def check(host: str, port: int, data: Path, limits: Limits, *, exposed: bool) ->
         problems["data"] = f"must be a folder, got {data}"
     if not 0 < port < 2**16:
         problems["port"] = f"must be from 1 to {2**16 - 1}, got {port}"
+    if url is not None and not _is_address(url):
+        problems["url"] = f"must be like https://example.org/lidar, got {url}"
     above_zero = {
         "jobs": limits.at_once,
         "waiting": limits.waiting,
@@ -53,6 +59,17 @@ def check(host: str, port: int, data: Path, limits: Limits, *, exposed: bool) ->
     }
     if problems:
         raise ParameterError("serve", problems)
+
+
+def _is_address(url: str) -> bool:
+    """Whether a text is an address of the web without a query, a fragment or a password."""
+    try:
+        parts = urlsplit(url)
+        known = bool(parts.hostname) and (parts.port or 1) > 0
+    except ValueError:
+        return False
+    plain = not (parts.query or parts.fragment or parts.username or re.search(r"\s", url))
+    return known and plain and parts.scheme in ("http", "https")
 
 
 def configuration(data: Path, jobs: Path, url: str, limits: Limits) -> dict[str, Any]:
@@ -137,17 +154,28 @@ def application(data: Path, state: Path, url: str, limits: Limits) -> Any:
 
 
 def serve(
-    data: Path, state: Path, host: str, port: int, limits: Limits, *, ready: Callable[[str], None]
+    data: Path,
+    state: Path,
+    host: str,
+    port: int,
+    limits: Limits,
+    *,
+    url: str | None = None,
+    ready: Callable[[str], None],
 ) -> None:
     """Serve until the process is ended; ready is told the address as soon as it is ours.
+
+    Parameters
+    ----------
+    url : at which clients see the server, behind a proxy; links in answers begin with it
 
     Raises
     ------
     DataError
         The address is taken, or another server uses the folder of state.
     """
-    url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-    app = application(data, state, url, limits)
+    here = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+    app = application(data, state, (url or here).rstrip("/"), limits)
     waitress = importlib.import_module("waitress")
     try:
         server = waitress.create_server(
@@ -160,5 +188,5 @@ def serve(
         )
     except OSError as err:
         raise DataError(f"cannot listen at {host}:{port}: {err.strerror}") from None
-    ready(f"{url}/processes")
+    ready(f"{here}/processes")
     server.run()

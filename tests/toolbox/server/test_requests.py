@@ -175,3 +175,40 @@ def test_a_folder_of_jobs_has_one_server(tmp_path: Path) -> None:
         Jobs(tmp_path, Limits())
     first.lock.close()
     Jobs(tmp_path, Limits())
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "example.org",
+        "ftp://example.org",
+        "https://",
+        "https://example.org/?a=b",
+        "https://me:secret@example.org",
+        "https://example.org:99999",
+        "https://example.org/a b",
+    ],
+)
+def test_public_addresses_that_make_no_links_are_refused(tmp_path: Path, url: str) -> None:
+    with pytest.raises(ParameterError, match=r"url: must be like https://example.org/lidar"):
+        check("127.0.0.1", 5000, tmp_path, Limits(), exposed=False, url=url)
+    check("127.0.0.1", 5000, tmp_path, Limits(), exposed=False, url="https://example.org/lidar/")
+
+
+def test_results_are_known_by_their_public_address(tmp_path: Path) -> None:
+    """Also below a path that the proxy takes off; other paths before it are none of ours."""
+    id = "0" * 36
+    (tmp_path / "jobs" / id).mkdir(parents=True)
+    (tmp_path / "data").mkdir()
+    (tmp_path / "jobs" / id / "kept.laz").write_bytes(b"")
+    places = Places(tmp_path / "data", tmp_path / "jobs", "https://example.org/lidar")
+    found = places.path_of(f"https://example.org/lidar/files/{id}/kept.laz")
+    assert found == (tmp_path / "jobs" / id / "kept.laz").resolve()
+    with pytest.raises(ValueError, match="is no file of the data of this server, and no result"):
+        places.path_of(f"https://example.org/other/files/{id}/kept.laz")
+
+
+def test_rectangles_and_positions_say_what_they_are_in() -> None:
+    for tool, name in (("points.clip", "extent"), ("shoreline.extract", "seed_point")):
+        schema = catalog.describe(tool)["inputs"][name]["schema"]
+        assert "in the CRS and unit of the data, easting first" in str(schema)

@@ -94,6 +94,31 @@ def test_owslib_lists_describes_and_runs(server: Server, tmp_path: Path) -> None
     assert result["removed_share"] == pytest.approx(1 / 3)
 
 
+def test_links_have_the_public_address(tmp_path: Path) -> None:
+    """As a client behind a proxy sees them: the one of the tests takes the path off."""
+    (tmp_path / "data").mkdir()
+    PointCloud(np.zeros((3, 3)), crs=CRS(32635)).save(tmp_path / "data" / "a.laz")
+    server, public = Server(tmp_path), "https://example.org/lidar"
+    server.start("--url", f"{public}/")
+    try:
+        reply = server.execute("points.filter", {"points": {"href": "a.laz"}}, wait=False)
+        place = reply.headers["Location"]
+        assert place.startswith(f"{public}/jobs/")
+        here = place.replace(public, server.url)
+        server.until(here, is_over)
+        kept = requests.get(f"{here}/results?f=json", timeout=30).json()["kept"]
+        assert kept["href"].startswith(f"{public}/files/")
+        assert requests.get(kept["href"].replace(public, server.url), timeout=30).content
+        again = server.execute("points.filter", {"points": kept})
+        assert again.json()["removed_share"] == 0
+        for page in ("", "/processes", "/jobs"):
+            text = requests.get(f"{server.url}{page}?f=json", timeout=30).text
+            assert public in text
+            assert server.url not in text
+    finally:
+        server.kill()
+
+
 def test_jobs_in_the_background_and_chains(server: Server) -> None:
     reply = server.execute("points.filter", {"points": {"href": "a.laz"}}, wait=False)
     assert reply.status_code == 201

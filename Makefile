@@ -62,7 +62,8 @@ release: .venv/installed ## build wheel, SBOM and list of licences into dist
 	$(BIN)/cyclonedx-py environment --output-reproducible --output-file dist/sbom.cdx.json build/bare
 	$(BIN)/pip-licenses --python build/bare/bin/python --format markdown --output-file dist/licences.md
 
-release-check: .venv/installed ## run the demo from the wheel in bare environments of each Python
+release-check: .venv/installed ## read the conda recipe, and run the demo from the wheel on each Python
+	$(BIN)/uv run --quiet --no-project --with py-rattler-build python packaging/conda/check.py
 	.ci/release-check
 
 clean: ## remove what the targets made, compiled loops too

@@ -1,4 +1,4 @@
-"""Reads and renders the recipe with the parser of rattler-build, which refuses what it does not know.
+"""Reads and renders the recipe with the parser of rattler-build, which refuses unknown words.
 
     uv run --no-project --with py-rattler-build python packaging/conda/check.py
 

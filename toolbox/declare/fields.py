@@ -188,6 +188,7 @@ class Field:
         if self.role == "param" and self.default is not None and not self.required:
             body["default"] = self.to_json(self.default)
         says = {"type": self.kind.word, "unit": self.unit, "rule": self.rule(), "of": self.of}
+        says["coordinates"] = self.kind.coordinates
         meta = [{"role": role, "value": value} for role, value in says.items() if value]
         options = self.kind.save_options if self.role == "sink" else self.kind.open_options
         for option in options:

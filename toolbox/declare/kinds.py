@@ -51,6 +51,7 @@ class Kind:
     to_json : converts a value to JSON
     plain : whether the word alone says what a text must look like, so that errors need no more
     open : reads a layer from a path; only `toolbox.runs.source` calls it
+    coordinates : what the numbers of a value are and in which CRS, if they are coordinates
     suffixes : endings of the files that it can be written to; empty if it is no layer
     special : endings of those of them that hold layers of a certain content alone, and which
     needs : optional libraries that files with some endings need
@@ -67,6 +68,7 @@ class Kind:
     to_json: Callable[[Any], Any] = field(default=lambda value: value)
     plain: bool = False
     open: Callable[..., Any] | None = None
+    coordinates: str = ""
     suffixes: tuple[str, ...] = ()
     special: Mapping[str, str] = field(default_factory=dict)
     needs: Mapping[str, Extra] = field(default_factory=dict)
@@ -155,8 +157,8 @@ def _several(cls: Any) -> Kind:
     """The kind of a value that consists of several numbers."""
     count = len(cls._fields)
     schema = {"type": "array", "items": {"type": "number"}, "minItems": count, "maxItems": count}
-    said = {"description": OF_SEVERAL[cls]} if cls in OF_SEVERAL else {}
-    return Kind(cls.__name__.lower(), schema | said, _is(cls), cls.parse, list)
+    coordinates = OF_SEVERAL.get(cls, "")
+    return Kind(cls.__name__.lower(), schema, _is(cls), cls.parse, list, coordinates=coordinates)
 
 
 def _scalars() -> dict[Any, Kind]:

@@ -210,5 +210,7 @@ def test_results_are_known_by_their_public_address(tmp_path: Path) -> None:
 
 def test_rectangles_and_positions_say_what_they_are_in() -> None:
     for tool, name in (("points.clip", "extent"), ("shoreline.extract", "seed_point")):
-        schema = catalog.describe(tool)["inputs"][name]["schema"]
-        assert "in the CRS and unit of the data, easting first" in str(schema)
+        said = {
+            one["role"]: one["value"] for one in catalog.describe(tool)["inputs"][name]["metadata"]
+        }
+        assert said["coordinates"].endswith("in the CRS and unit of the data, easting first")

@@ -69,7 +69,9 @@ def stratum_row(confusion: Confusion, by_block: Ints, seed: int) -> Row:
     return row
 
 
-def filter_rows(counts: Counts, unmatched: int, by_block: Ints, seed: int) -> Iterator[Row]:
+def filter_rows(
+    counts: Counts, unmatched: int, absent: int, by_block: Ints, seed: int
+) -> Iterator[Row]:
     """Measures of the class of interest, with limits for independent points and for blocks."""
 
     def of(stack: Floats) -> dict[str, Floats]:
@@ -85,7 +87,7 @@ def filter_rows(counts: Counts, unmatched: int, by_block: Ints, seed: int) -> It
         }
 
     spread = intervals(by_block, of, seed)
-    for row in counts.rows(unmatched):
+    for row in counts.rows(unmatched, absent):
         nothing = {"block_low": None, "block_high": None}
         known = row["measure"] in spread
         found = limits(spread[row["measure"]], "block_") if known else nothing

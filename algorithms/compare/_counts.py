@@ -123,7 +123,7 @@ class Counts:
             "quality": ("quality", Proportion(a, a + b + c), "a / (a + b + c)"),
         }
 
-    def rows(self, unmatched: int) -> Iterator[dict[str, Any]]:
+    def rows(self, unmatched: int, absent: int) -> Iterator[dict[str, Any]]:
         """One row per measure, in the order of the literature."""
         yield _row("a", self.a, (None, None), "points", "positive in both")
         yield _row("b", self.b, (None, None), "points", "positive in the reference only")
@@ -131,6 +131,8 @@ class Counts:
         yield _row("d", self.d, (None, None), "points", "positive in neither")
         meaning = "without a counterpart, not counted above"
         yield _row("unmatched", unmatched, (None, None), "points", meaning)
+        meaning = "of the reference without a counterpart, not counted above"
+        yield _row("absent", absent, (None, None), "points", meaning)
         for measure, share, meaning in self._shares.values():
             if measure == "correctness":
                 meant = "agreement beyond chance"

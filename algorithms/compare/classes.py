@@ -30,6 +30,7 @@ from algorithms.compare._outcomes import (
     TYPE_2,
 )
 from algorithms.compare._paired import paired_rows
+from algorithms.compare._unseen import not_compared, warn_absent, warn_few
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import FEWEST, blocks
 from toolbox.context import QUIET, Context, log
@@ -108,7 +109,7 @@ class CompareClasses:
     have, GPS time and return number first, and where all those are equal in favour of the
     classification; each takes one reference point. With `max_distance`, points left over take the
     nearest reference point, which may then serve several. Points without a counterpart are counted
-    and reported.
+    and reported, and so are reference points that are nobody's counterpart (`absent`).
     """
 
     points: PointCloud = source("Classified points")
@@ -195,7 +196,15 @@ class CompareClasses:
         )
         kappa: float | None = sink("Agreement beyond chance (Cohen)", unit="1")
         unmatched: int = sink("Points without a counterpart in the reference", unit="1")
+        absent: int = sink("Points of the reference without a counterpart", unit="1")
         left_out: int = sink("Points whose reference class is left out", unit="1")
+
+        def not_looked_at(self) -> Iterator[str]:
+            """What the figures say nothing of."""
+            counted = sum(row["total"] for row in self.confusion.rows())
+            if self.unmatched:
+                yield f"Points without a counterpart in the reference: {self.unmatched}."
+            yield from not_compared(counted, self.absent, "points")
 
     def check(self) -> Iterator[tuple[str, str]]:
         """Classes are named once."""
@@ -232,10 +241,11 @@ class CompareClasses:
 
     def run(self, ctx: Context = QUIET) -> CompareClasses.Outputs:
         """Match the points, count the errors, and mark them."""
-        said, true, matched = self._classes(ctx.part(0.0, 0.6))
+        said, true, matched, absent = self._classes(ctx.part(0.0, 0.6))
         counted = matched & ~np.isin(true, self.leave_out or ())
         if not counted.any():
             raise DataError("leave_out: no point is left that has a reference class")
+        warn_few(int(np.count_nonzero(counted)), "points")
         number, side = self._blocks(counted)
         ctx.progress(0.65)
         is_said = np.isin(said, self.positive)
@@ -249,7 +259,9 @@ class CompareClasses:
         counts = Counts.of(is_said[counted], is_true[counted])
         missing = int((~matched).sum())
         outputs = self.Outputs(
-            table=Table.from_rows(_accuracy.filter_rows(counts, missing, filtered, self.seed)),
+            table=Table.from_rows(
+                _accuracy.filter_rows(counts, missing, absent, filtered, self.seed)
+            ),
             accuracy=Table.from_rows(_accuracy.rows(confusion, by_block, side, self.seed)),
             classes=Table.from_rows(_accuracy.class_rows(confusion, by_block, self.seed)),
             confusion=Table.from_rows(_accuracy.matrix_rows(confusion)),
@@ -264,13 +276,14 @@ class CompareClasses:
             total_error=counts.total_error,
             kappa=counts.kappa,
             unmatched=int(np.count_nonzero(~matched & self.points.core)),
+            absent=absent,
             left_out=int(np.count_nonzero(matched & ~counted & self.points.core)),
         )
         ctx.progress(1.0)
         return outputs
 
-    def _classes(self, ctx: Context) -> tuple[NDArray[Any], NDArray[Any], Mask]:
-        """Class of each point, class of its counterpart, and whether it has one."""
+    def _classes(self, ctx: Context) -> tuple[NDArray[Any], NDArray[Any], Mask, int]:
+        """Class of each point, that of its counterpart, whether it has one, and what is absent."""
         where = self.reference
         found = self._counterparts(where, self.reference_attribute, self._truth, ctx)
         matched = found >= 0
@@ -279,7 +292,23 @@ class CompareClasses:
         if unmatched := int((~matched).sum()):
             log.warning("%d of %d points have no counterpart", unmatched, len(found))
         true = (where or self.points)[self.reference_attribute][found]
-        return self.points[self.attribute], true, matched
+        return self.points[self.attribute], true, matched, self._absent(found[matched])
+
+    def _absent(self, found: Ints) -> int:
+        """Number of reference points that are nobody's counterpart, which a warning tells.
+
+        Those that the comparison leaves out by their class are nothing that could be absent.
+        """
+        if self.reference is None:
+            return 0
+        asked = self.reference.core & ~np.isin(
+            self.reference[self.reference_attribute], self.leave_out or ()
+        )
+        total = int(np.count_nonzero(asked))
+        asked[found] = False
+        absent = int(np.count_nonzero(asked))
+        warn_absent(absent, total, "points")
+        return absent
 
     @property
     def _truth(self) -> ClassList:

@@ -18,11 +18,13 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from algorithms.compare import _accuracy
 from algorithms.compare._legend import NONE, Legend, codes_in, map_problem, names_of, numbers
 from algorithms.compare._shapes import AREAS, areas_at, layer_problem
+from algorithms.compare._unseen import not_compared, warn_absent, warn_few
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import FEWEST, blocks
 from algorithms.shared.accuracy.confusion import Confusion
@@ -42,13 +44,23 @@ Ints = NDArray[np.int64]
 
 
 class Pairs(NamedTuple):
-    """Cells, or points of a sample, with both classes: where, as mapped, in the reference."""
+    """Cells, or points of a sample, with both classes: where, as mapped, in the reference.
+
+    Attributes
+    ----------
+    cell : rows and columns of the map
+    missing : cells of the map, or points, that have no counterpart
+    absent, known : cells or points of the reference without a class in the map, and all of them,
+        without classes that are left out
+    """
 
     xy: Array
     said: Ints
     true: Ints
     cell: tuple[Ints, Ints]
     missing: int
+    absent: int
+    known: int
 
 
 @tool(
@@ -67,7 +79,8 @@ class CompareRasters:
     There are the confusion matrix, overall accuracy, kappa, quantity disagreement (the classes are
     not of the right size) and allocation disagreement (they are elsewhere), and for each class
     producer's and user's accuracy, F1 and IoU, with 95 % intervals by drawing square blocks with
-    replacement (`block`). Cells without a value in both are not compared, but counted.
+    replacement (`block`). Cells without a value in both are not compared, but counted: those of the
+    map are `missing`, those of the reference `absent`, with what polygons hold beyond the map.
 
     If points were drawn class by class from the map, `stratified` weights them by the area that
     each class has on the map, after Olofsson et al. (2014): `areas` has the accuracies and
@@ -109,6 +122,13 @@ class CompareRasters:
         allocation_disagreement: float = sink("Classes of the right size are elsewhere", unit="%")
         count: int = sink("Cells or points compared", unit="1")
         missing: int = sink("Cells of the map, or points, without a counterpart", unit="1")
+        absent: int = sink("Cells or points of the reference without a counterpart", unit="1")
+
+        def not_looked_at(self) -> Iterator[str]:
+            """What the figures say nothing of."""
+            if self.missing:
+                yield f"Cells or points without a counterpart: {self.missing}."
+            yield from not_compared(self.count, self.absent, "cells or points")
 
     def check(self) -> Iterator[tuple[str, str]]:
         """Classes are named once."""
@@ -170,6 +190,9 @@ class CompareRasters:
             log.warning(
                 "%d cells or points are not compared: one of both has no class", pairs.missing
             )
+        what = "points" if sampled else "cells"
+        if not sampled:  # of points, missing has told it
+            warn_absent(pairs.absent, pairs.known, what)
         if not len(pairs.said):
             raise DataError("classes: no cell has a class in both; do they overlap?")
         codes = codes_in(pairs.said, "classes"), codes_in(pairs.true, "reference")
@@ -178,6 +201,7 @@ class CompareRasters:
         counted = truth != NONE
         if not counted.any():
             raise DataError("leave_out: no cell is left that has a reference class")
+        warn_few(int(np.count_nonzero(counted)), what)
         number, side = self._blocks(pairs.xy[counted])
         ctx.progress(0.7)
         by_block = legend.tally(pairs.said, pairs.true, _spread(number, counted), number.max() + 1)
@@ -196,6 +220,7 @@ class CompareRasters:
             allocation_disagreement=found["allocation_disagreement"] or 0.0,
             count=int(np.count_nonzero(counted)),
             missing=pairs.missing,
+            absent=pairs.absent,
         )
 
     def _at_points(self) -> tuple[Pairs, dict[int, str]]:
@@ -207,8 +232,17 @@ class CompareRasters:
         said = self.classes.sample(*xy.T)
         known = np.isfinite(said) & np.isfinite(true)
         cell = Lattice.of(self.classes).indices(*xy[known].T)
-        missing = int((~known).sum())
-        return Pairs(xy[known], _whole(said[known]), _whole(true[known]), cell, missing), texts
+        asked = self._asked(true)
+        pairs = Pairs(
+            xy[known],
+            _whole(said[known]),
+            _whole(true[known]),
+            cell,
+            missing=int((~known).sum()),
+            absent=int(np.count_nonzero(asked & ~known)),
+            known=int(np.count_nonzero(asked)),
+        )
+        return pairs, texts
 
     def _of_cells(self, ctx: Context) -> tuple[Pairs, dict[int, str]]:
         """Both classes of the cells, and the names of classes that are texts."""
@@ -216,20 +250,39 @@ class CompareRasters:
         x, y = Lattice.of(self.classes).centres()
         if self.areas is not None:
             codes, texts = _codes_of(self.areas, self.class_attribute)
-            rows, cols = np.nonzero(np.isfinite(mapped))
+            rows, cols = (part.ravel() for part in np.indices(mapped.shape))
             found = areas_at(self.areas, np.column_stack([x[cols], y[rows]]), ctx)
-            truth = np.full(mapped.shape, np.nan)
-            truth[rows, cols] = np.append(codes, np.nan)[found]  # the last one for no polygon
+            truth = np.append(codes, np.nan)[found].reshape(mapped.shape)  # the last: no polygon
+            beyond = self._cells_beyond(self.areas, self._asked(codes))
         else:
             truth = self._on_cells(self.reference, mapped.shape)
+            assert self.reference is not None
+            every = int(np.count_nonzero(self._asked(self.reference.band())))
+            beyond = every - int(np.count_nonzero(self._asked(truth)))
         known = np.isfinite(mapped) & np.isfinite(truth)
         rows, cols = np.nonzero(known)
-        missing = int(np.count_nonzero(np.isfinite(mapped) & ~known))
-        xy, both = (
+        asked = self._asked(truth)
+        pairs = Pairs(
             np.column_stack([x[cols], y[rows]]),
-            (_whole(mapped[known]), _whole(truth[known])),
+            _whole(mapped[known]),
+            _whole(truth[known]),
+            (rows, cols),
+            missing=int(np.count_nonzero(np.isfinite(mapped) & ~known)),
+            absent=int(np.count_nonzero(asked & ~known)) + beyond,
+            known=int(np.count_nonzero(asked)) + beyond,
         )
-        return Pairs(xy, *both, (rows, cols), missing), texts
+        return pairs, texts
+
+    def _asked(self, truth: Array) -> NDArray[np.bool_]:
+        """Whether there is a class of the reference, and none that is left out."""
+        return np.isfinite(truth) & ~np.isin(truth, self.leave_out or ())
+
+    def _cells_beyond(self, areas: Vector, asked: NDArray[np.bool_]) -> int:
+        """Area of some polygons beyond the edges of the map, in cells."""
+        shapes = areas.frame.geometry[asked].to_numpy()
+        inside = shapely.clip_by_rect(shapes, *self.classes.bounds)
+        beyond = shapely.area(shapes).sum() - shapely.area(inside).sum()
+        return round(float(beyond) / self.classes.cell**2)
 
     def _on_cells(self, other: Raster | None, shape: tuple[int, ...]) -> Array:
         """Classes of the reference on the cells of the map, NaN beyond it."""

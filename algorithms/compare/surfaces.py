@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from algorithms.compare._shapes import areas_at
 from algorithms.compare._spread import Quarters, spread
 from algorithms.compare._statement import FEWEST, horizontal, statement
+from algorithms.compare._unseen import warn_absent
 from algorithms.shared import parameters
 from algorithms.shared.alignment import apart, difference, misfit
 from algorithms.shared.error_measures import COUNTS, MEANING, measures
@@ -71,8 +72,10 @@ class CompareSurfaces:
     Give one of three: a reference raster on the same cells (or `resample`, which takes it
     bilinearly at the cell centres), checkpoints with Z, or a point cloud (also a text file of
     checkpoints). At points the surface is bilinear between the four nearest cell centres; points
-    where one of these has no value are counted as missing. Errors are surface minus reference,
-    so a surface that is too high has a positive bias. Nothing is left out as an outlier.
+    where one of these has no value are counted as missing. What the reference has and the surface
+    has not is `absent`: cells of a reference raster, or the missing points. Errors are surface
+    minus reference, so a surface that is too high has a positive bias. Nothing is left out as an
+    outlier.
 
     The land cover comes from a raster of classes, from polygons, or from an attribute of the
     polygons, checkpoints or points. The covers named in `vegetated` make up the vegetated
@@ -159,6 +162,7 @@ class CompareSurfaces:
         )
         count: int = sink("Cells or points compared", unit="1")
         missing: int = sink("Cells of the surface, or points, without a counterpart", unit="1")
+        absent: int = sink("Cells or points of the reference without a counterpart", unit="1")
         bias: float = sink("Mean of surface minus reference", unit="m")
         rmse: float = sink("Root mean square error", unit="m")
         nmad: float = sink("Median absolute deviation times 1.4826", unit="m", label="NMAD")
@@ -180,6 +184,8 @@ class CompareSurfaces:
                 yield horizontal(items.get(STATED))
             if self.missing:
                 yield f"Places without a counterpart: {self.missing}."
+            if self.report is None and self.absent:
+                yield f"Cells of the reference that are absent from the surface: {self.absent}."
 
     def check(self) -> Iterator[tuple[str, str]]:
         """No land cover is named twice."""
@@ -259,6 +265,7 @@ class CompareSurfaces:
             raise DataError(f"{name}: no cell or point has a height in both; do they overlap?")
         if found.missing:
             log.warning("%d cells or points have no counterpart", found.missing)
+        absent = self._absent(len(found.error)) if raster else found.missing
         metre = self.surface.metre
         label, names = self._covers(found, ctx.part(0.4, 0.7))
         quarters = None if raster else Quarters.of(self.surface)
@@ -279,6 +286,7 @@ class CompareSurfaces:
             histogram=Table.from_rows(histogram(found.error / metre)),
             count=len(found.error),
             missing=found.missing,
+            absent=absent,
             bias=whole["bias"],
             rmse=whole["rmse"],
             nmad=whole["nmad"],
@@ -311,6 +319,18 @@ class CompareSurfaces:
             np.arange(len(row)),
             int(np.isfinite(surface).sum()) - len(row),
         )
+
+    def _absent(self, compared: int) -> int:
+        """Number of cells of the reference raster without a surface, which a warning tells."""
+        one, other = self.surface, self.reference
+        assert other is not None
+        known = np.isfinite(other.band())
+        if misfit(Lattice.of(one), Lattice.of(other)):
+            absent = int(np.count_nonzero(known & ~covered(one, Lattice.of(other))))
+        else:
+            absent = int(np.count_nonzero(known)) - compared
+        warn_absent(absent, int(np.count_nonzero(known)), "cells")
+        return absent
 
     def _at_points(self) -> ErrorsAtPlaces:
         """Errors at the checkpoints, or at the points of the cloud that take part."""
@@ -426,6 +446,12 @@ class ErrorsAtPlaces(NamedTuple):
     surface: Array
     number: NDArray[np.int64]
     missing: int
+
+
+def covered(raster: Raster, lattice: Lattice) -> NDArray[np.bool_]:
+    """Whether a raster has a value at the cell centres of another lattice, array of its shape."""
+    sample, (x, y) = raster.sampler(), lattice.centres()
+    return np.array([np.isfinite(sample(x, np.full(len(x), north))) for north in y])
 
 
 def _named(raster: Raster) -> str:

@@ -125,10 +125,10 @@ def test_table_with_limits() -> None:
     ).run()
     rows = {row["measure"]: row for row in out.table.rows()}
     assert list(rows) == [
-        *("a", "b", "c", "d", "unmatched", "Type I", "Type II", "total error", "kappa"),
+        *("a", "b", "c", "d", "unmatched", "absent", "Type I", "Type II", "total error", "kappa"),
         *("correctness", "completeness", "quality"),
     ]
-    for row in [*rows.values()][5:]:
+    for row in [*rows.values()][6:]:
         assert row["low"] < row["value"] < row["high"]
     limits = [rows["Type I"][limit] for limit in ("low", "high")]
     assert limits == pytest.approx([11.08, 12.02], abs=0.01)
@@ -220,9 +220,43 @@ def test_points_without_counterpart_are_counted_and_marked() -> None:
         reference=points.select(range(7)),
         reference_attribute=Attribute("truth"),
     ).run()
-    assert out.unmatched == 3
+    assert (out.unmatched, out.absent) == (3, 0)
     assert out.total_error == pytest.approx(100 / 7)
     assert list(out.errors["error"][7:]) == [4, 4, 4]
+
+
+def test_reference_points_that_are_absent_are_counted_and_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    whole = from_counts({(2, 2): 600, (1, 1): 400})
+    job: dict[str, Any] = {"reference": whole, "reference_attribute": Attribute("truth")}
+    out = CompareClasses(points=whole.select(range(300)), **job).run()
+    assert (out.overall_accuracy, out.unmatched, out.absent) == (100, 0, 700)
+    assert "700 of 1000 points of the reference (70 %) are absent" in caplog.text
+    rows = {row["measure"]: row["value"] for row in out.table.rows()}
+    assert (rows["unmatched"], rows["absent"]) == (0, 700)
+    part = CompareClasses(points=whole.select(range(300)), **job, leave_out=ClassList([1])).run()
+    assert part.absent == 300
+    caplog.clear()
+    assert CompareClasses(points=whole.select(range(995)), **job).run().absent == 5
+    assert not caplog.text  # half a percent
+    near = CompareClasses(points=whole.select(range(300)), **job, max_distance=1000.0).run()
+    assert near.absent == 700
+
+
+def test_few_points_are_told_to_prove_little(caplog: pytest.LogCaptureFixture) -> None:
+    points = from_counts({(2, 2): 4, (1, 1): 4})
+    out = CompareClasses(points=points, reference_attribute=Attribute("truth")).run()
+    assert out.kappa == 1
+    assert "only 8 points are compared" in caplog.text
+    assert "up to 31 % of all such points could differ" in caplog.text
+    assert any("Only 8 points are compared" in text for text in out.not_looked_at())
+    caplog.clear()
+    many = from_counts({(2, 2): 60, (1, 1): 60})
+    assert not list(
+        CompareClasses(points=many, reference_attribute=Attribute("truth")).run().not_looked_at()
+    )
+    assert "points are compared" not in caplog.text
 
 
 def test_other_points_altogether_are_an_error() -> None:

@@ -63,6 +63,7 @@ def test_cells_without_a_value_and_beyond_the_reference_are_counted() -> None:
     out = CompareRasters(classes=raster(codes), reference=truth).run()
     assert out.count == 45 * 90
     assert out.missing == 45 * 10
+    assert out.absent == 5 * 90 + 50 * 20  # cells without a value, and columns beyond the map
     assert out.overall_accuracy == pytest.approx(100 * 40 / 90)
     assert out.difference is not None
     assert (out.difference.values == 255).sum() == 5 * 100 + 45 * 10
@@ -75,7 +76,7 @@ def test_polygons_with_names_of_classes() -> None:
         classes=raster(halves()), areas=truth, class_attribute="kind", map=("1=field", "2=wood")
     ).run()
     assert out.overall_accuracy == 100
-    assert out.missing == 50 * 10
+    assert (out.missing, out.absent) == (50 * 10, 0)
     assert [row["class"] for row in out.by_class.rows()] == ["field", "wood"]
 
 
@@ -90,6 +91,35 @@ def test_polygons_with_codes_and_classes_left_out() -> None:
     ).run()
     assert out.count == 50 * 50
     assert out.overall_accuracy == 100
+
+
+def test_polygons_that_the_map_does_not_hold_are_counted(caplog: pytest.LogCaptureFixture) -> None:
+    """One over cells without a class, one half beyond the map, one that is left out."""
+    codes = halves()
+    codes[:, :10] = 255
+    shapes = [
+        shapely.box(0, 0, 40, 100),
+        shapely.box(180, 0, 220, 100),
+        shapely.box(300, 0, 400, 9),
+    ]
+    truth = layer(shapes, code=[1, 2, 0])
+    job: dict[str, Any] = {"classes": raster(codes), "areas": truth, "class_attribute": "code"}
+    out = CompareRasters(**job, leave_out=ClassList([0])).run()
+    assert out.count == 50 * 20
+    assert out.absent == 50 * 10 + 50 * 10
+    assert "1000 of 2000 cells of the reference (50 %) are absent" in caplog.text
+    assert CompareRasters(**job).run().absent == 1000 + 225
+
+
+def test_points_beyond_the_map_are_absent_and_few_points_are_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    points = layer(list(shapely.points([10, 190, 250], 50)), seen=[1, 2, 2])
+    out = CompareRasters(classes=raster(halves()), checkpoints=points, class_attribute="seen").run()
+    assert (out.count, out.missing, out.absent) == (2, 1, 1)
+    assert "only 2 points are compared" in caplog.text
+    assert "up to 78 % of all such points could differ" in caplog.text
+    assert caplog.text.count("absent from") == 0  # one warning is enough
 
 
 def test_a_stratified_sample_counts_for_the_area_of_the_map() -> None:

@@ -109,6 +109,7 @@ def test_raster_against_raster_by_hand() -> None:
         out.difference.values[0], [[np.nan, 0.5, -2], [np.nan, np.nan, np.nan]]
     )
     assert (out.count, out.missing, out.report) == (2, 3, None)
+    assert out.absent == 1  # where the surface has its hole
     assert out.bias == pytest.approx(-0.75)
     assert out.rmse == pytest.approx(math.sqrt(4.25 / 2))
     errors = out.errors.frame
@@ -127,11 +128,32 @@ def test_other_cells_are_refused_and_resampled_bilinearly_on_request() -> None:
         CompareSurfaces(surface=surface, reference=reference)
     out = CompareSurfaces(surface=surface, reference=reference, resample=True).run()
     assert (out.count, out.missing) == (144, 0)  # each centre lies between four
+    assert out.absent == 0
     assert out.rmse == pytest.approx(0, abs=1e-9)
     coarse = slope(4, 4, 3.0)
     out = CompareSurfaces(surface=surface, reference=coarse, resample=True).run()
     assert (out.count, out.missing) == (100, 44)  # nothing beyond the outermost centres
     assert out.rmse == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("resample", [False, True])
+def test_what_the_surface_lacks_is_counted_and_told(
+    resample: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A hole in the surface, and the reference going on beyond it."""
+    values = slope().values[0].copy()
+    values[2:4, 2:4] = np.nan
+    cell = 0.5 if resample else 1.0
+    reference = slope(round(20 / cell), round(12 / cell), cell)
+    out = CompareSurfaces(surface=raster(values), reference=reference, resample=resample).run()
+    absent = (4 + 8 * 12) / cell**2
+    assert out.absent == absent
+    told = f"{absent:.0f} of {20 * 12 / cell**2:.0f} cells of the reference (42 %) are absent"
+    assert told in caplog.text
+    assert any("absent from the surface" in text for text in out.not_looked_at())
+    caplog.clear()
+    assert CompareSurfaces(surface=reference, reference=reference).run().absent == 0
+    assert not caplog.text
 
 
 def test_resampling_in_blocks_is_resampling_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,7 +190,7 @@ def test_points_without_a_surface_are_missing() -> None:
     shapes = [shapely.Point(WEST + x, NORTH - y, 25) for x, y in places]
     layer = Vector(geopandas.GeoDataFrame(geometry=shapes, crs=UTM))
     out = CompareSurfaces(surface=raster(values), checkpoints=layer).run()
-    assert (out.count, out.missing) == (1, 3)
+    assert (out.count, out.missing, out.absent) == (1, 3, 3)
     with pytest.raises(DataError, match="no cell or point has a height in both"):
         CompareSurfaces(
             surface=slope(),

@@ -1,0 +1,71 @@
+"""What a comparison did not look at: the reference without a counterpart, and small numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from toolbox.context import log
+
+# Share of the reference without a counterpart that is told in a warning: figures are read to the
+# percent, and what is absent could move a share by as much as there is of it.
+TELL = 0.01
+# Points compared, below which a warning tells what may still be wrong: of 100 points without an
+# error, 3 % may be wrong in truth (rule of three).
+FEW = 100
+
+
+def warn_absent(absent: int, total: int, what: str) -> None:
+    """Warn if more than one percent of the reference has no counterpart.
+
+    Parameters
+    ----------
+    absent, total : how many of the reference have none, and how many there are
+    what : such as "points" or "cells"
+    """
+    if absent > TELL * total:
+        log.warning(
+            "%d of %d %s of the reference (%.0f %%) are absent from what is judged: they count in "
+            "no figure but `absent`",
+            absent,
+            total,
+            what,
+            100 * absent / total,
+        )
+
+
+def warn_few(count: int, what: str) -> None:
+    """Warn if so few are compared that no error among them means little.
+
+    Parameters
+    ----------
+    count : how many are compared, at least 1
+    what : such as "points" or "cells"
+    """
+    if count < FEW:
+        log.warning(
+            "only %d %s are compared: intervals are too narrow, and even if all agreed, up to "
+            "%.0f %% of all such %s could differ",
+            count,
+            what,
+            100 * could_differ(count),
+            what,
+        )
+
+
+def could_differ(count: int) -> float:
+    """Largest share of errors of which a sample shows none in one of twenty cases.
+
+    It is one minus the root of 0.05 of the order `count` (Clopper and Pearson 1934).
+
+    >>> round(could_differ(8), 3), round(could_differ(100), 4)
+    (0.312, 0.0295)
+    """
+    return float(1 - 0.05 ** (1 / count))
+
+
+def not_compared(count: int, absent: int, what: str) -> Iterator[str]:
+    """Sentences on the same for the page of a result."""
+    if absent:
+        yield f"Of the reference, {absent} {what} are absent from what is judged."
+    if count < FEW:
+        yield f"Only {count} {what} are compared, too few for intervals that can be trusted."

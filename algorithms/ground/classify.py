@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from algorithms.shared import parameters
 from algorithms.shared.ground import NOWHERE, Candidates, Mask, Returns
 from algorithms.shared.heights import HEIGHT
+from algorithms.shared.plausible import tell_of_ground
 from algorithms.shared.terrain import HALO, Terrain, find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster
@@ -88,6 +89,7 @@ class GroundClassify:
             raise candidates.nothing_to_do(none, surface=None)
         terrain = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx.part(0, 0.95))
         ground, clear = verdict(candidates.xyz, terrain)
+        tell_of_ground(candidates.xyz, ground, cloud.metre)
         classified = self._classified(candidates, ground, clear, terrain)
         ctx.progress(1.0)
         return self.Outputs(

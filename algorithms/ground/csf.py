@@ -34,6 +34,7 @@ from algorithms.shared.lowest import (
     spread_to_empty,
     without_low_outliers,
 )
+from algorithms.shared.plausible import tell_of_ground
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -170,6 +171,7 @@ class GroundCsf:
             log.info("rigidness: %.2f on average, below 3 on %.0f %%", mean, 100 * softer)
         ground = ground_mask(xyz, cloth, class_threshold=self.class_threshold)
         ctx.progress(1.0)
+        tell_of_ground(xyz, ground, cloud.metre)
         classified = candidates.classified(ground)
         return self.Outputs(
             classified=classified,

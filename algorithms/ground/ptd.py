@@ -35,6 +35,7 @@ from algorithms.shared.lowest import (
     require_finite,
     without_low_outliers,
 )
+from algorithms.shared.plausible import tell_of_ground
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -210,6 +211,7 @@ class GroundPtd:
             ctx=ctx.part(0.9, 0.95),
         )
         heights = heights_on(surface, lattice, ctx=ctx.part(0.95, 1))
+        tell_of_ground(xyz, ground, cloud.metre)
         classified = candidates.classified(ground)
         return self.Outputs(
             classified=classified,

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from algorithms.points import _info_survey
+from algorithms.shared.plausible import height_problem
 from algorithms.shared.returns import ReturnNumbers, has_numbers
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey, Table
 from toolbox.data.area_of_use import misplaced
 from toolbox.data.asprs import CLASSES
-from toolbox.data.crs import describe_crs, length_problem, vertical_unit
+from toolbox.data.crs import describe_crs, horizontal_crs, length_problem, vertical_unit
 from toolbox.declare import outputs, sink, source, tool
 
 PERCENTILES = (0, 1, 5, 25, 50, 75, 95, 99, 100)
@@ -210,6 +211,8 @@ def warnings(cloud: PointCloud) -> Iterator[str]:
         yield f"{cloud.name} {problem}"
     if found := misplaced(cloud.crs, cloud.bounds):
         yield f"{cloud.name} {found.text}"
+    if _on_a_map(cloud) and (wrong := height_problem(cloud.xyz, cloud.metre)):
+        yield wrong
     if has_numbers(cloud):
         returns = ReturnNumbers.of(cloud)
         if invalid := int((~returns.known).sum()):
@@ -223,6 +226,11 @@ def warnings(cloud: PointCloud) -> Iterator[str]:
     if "withheld" in cloud and (withheld := int(np.count_nonzero(cloud["withheld"]))):
         yield f"{withheld} points are flagged as withheld"
     yield from _gross_outliers(cloud)
+
+
+def _on_a_map(cloud: PointCloud) -> bool:
+    """True for lengths in a CRS of the Earth; a scan in a local one may be of a wall."""
+    return length_problem(cloud.crs) is None and horizontal_crs(cloud.crs).is_projected
 
 
 def _gross_outliers(cloud: PointCloud) -> Iterator[str]:

@@ -1,0 +1,192 @@
+"""Data and results of which a ground filter should say that they cannot be what they seem."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.context import log
+
+FEW = 9  # points: with fewer, none has another one in each of eight directions
+HIGHEST, LOWEST = 9000.0, -500.0  # metres: beyond all land, with 150 m and 60 m to spare
+CELL = 8.0  # metres: wide enough that a wood of few points has ground in most cells
+STEEPEST = 5.0  # metres per metre, of half the cells; 0.7 in woods on slopes of 42 deg
+TALLEST = 150.0  # metres of height within a cell, in a tenth of the cells
+SQUARE = 4.0  # metres: of a square in which ground is compared with what is above it
+CLEAR, LAYER = 1.0, 0.5  # metres: a layer so thick, so far above all ground of a square, ...
+TIMES = 20  # ... with so many times its points is a surface, which hides what is below it
+FEW_CELLS = 1_000_000  # as many are never too many
+MOST = 0.3  # share of the squares with ground; in real surveys it is 0.07 at most
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+def height_problem(xyz: Floats, metre: float) -> str | None:
+    """What is wrong with heights that no terrain has, as a clause; None where nothing is.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    metre : length of one metre in the unit of the points
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 12_000.0] for x in range(9) for y in range(9)])
+    >>> height_problem(xyz, 1.0)
+    'half the heights are above 12000 m, where there is no land: are they in another unit?'
+    >>> height_problem(xyz, 1 / 0.3048) is None  # feet
+    True
+    """
+    if not len(xyz):
+        return None
+    middle = float(np.median(xyz[:, 2])) / metre
+    if not LOWEST <= middle <= HIGHEST:
+        side = "above" if middle > 0 else "below"
+        return (
+            f"half the heights are {side} {middle:.0f} m, where there is no land: "
+            "are they in another unit?"
+        )
+    if np.ptp(xyz[:, 2]) < STEEPEST * CELL * metre:
+        return None
+    cells, cols = _cells(xyz, CELL * metre)
+    places, cells = _counted_through(cells)
+    low, high = np.full(len(places), np.inf), np.full(len(places), -np.inf)
+    np.minimum.at(low, cells, xyz[:, 2])
+    np.maximum.at(high, cells, xyz[:, 2])
+    slope = _typical_slope(places, cols, low) / (CELL * metre)
+    if slope > STEEPEST:
+        return (
+            f"half the slopes between the lowest points of neighbouring cells of {CELL:g} m are "
+            f"above {100 * slope:.0f} %, which no terrain has: are the heights in the unit of "
+            "x and y?"
+        )
+    tall = high - low > TALLEST * metre
+    spread = _inner_spreads(cells, xyz[:, 2]) / metre if tall.mean() > 0.1 else low[:0]
+    if len(spread) and (typical := np.quantile(spread, 0.9)) > TALLEST:
+        return (
+            f"in a tenth of the cells of {CELL:g} m the points spread over {typical:.0f} m of "
+            "height, which no houses or trees do: are the heights in the unit of x and y?"
+        )
+    return None
+
+
+def _typical_slope(places: Ints, cols: int, low: Floats) -> float:
+    """Median rise of cells to those east and north of them together; 0 without such neighbours."""
+    rises, there = [], np.ones(len(places), bool)
+    for away in (1, cols):
+        beside = np.minimum(np.searchsorted(places, places + away), len(places) - 1)
+        there &= places[beside] == places + away
+        rises.append(low[beside] - low)
+    rise = np.hypot(*rises)[there]
+    return float(np.median(rise)) if len(rise) else 0.0
+
+
+def _inner_spreads(cells: Ints, z: Floats) -> Floats:
+    """Heights over which the points of each cell spread, without a tenth of them at either end."""
+    order = np.lexsort((z, cells))
+    z = z[order]
+    counts = np.bincount(cells)
+    first, tenth = np.cumsum(counts) - counts, counts // 10
+    return np.asarray(z[first + counts - 1 - tenth] - z[first + tenth])
+
+
+def hidden_share(xyz: Floats, ground: Mask, metre: float) -> float:
+    """Share of the squares with ground in which a surface above it hides it; 0 without any.
+
+    Ground is part of a surface, and under plants, which are spread in height, it still is the
+    densest of what is about its height. So where a thin layer above it has many times the points,
+    in most of the squares that have ground at all, what was found is noise below the ground. Roofs
+    hide no ground: there is none in the squares below them.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), the points that may be ground
+    ground : array of shape (n,), those that were found
+    metre : length of one metre in the unit of the points
+
+    Examples
+    --------
+    >>> xyz = np.array([[x / 4, y / 4, 100.0] for x in range(80) for y in range(80)])
+    >>> ground = np.arange(6400) % 100 == 0
+    >>> xyz[ground, 2] -= 5
+    >>> hidden_share(xyz, ground, 1.0)
+    1.0
+    >>> hidden_share(xyz, ~ground, 1.0)
+    0.0
+    """
+    if not ground.any():
+        return 0.0
+    _, squares = _counted_through(_cells(xyz, SQUARE * metre)[0])
+    counts = np.bincount(squares[ground], minlength=int(squares.max()) + 1)
+    top = np.full(len(counts), np.inf)
+    top[counts > 0] = -np.inf
+    np.maximum.at(top, squares[ground], xyz[ground, 2])
+    height = (xyz[:, 2] - top[squares]) / metre - CLEAR
+    above = height >= 0
+    layers = (height[above] / LAYER).astype(np.int64)
+    span = int(layers.max(initial=0)) + 1
+    found, points = np.unique(squares[above] * span + layers, return_counts=True)
+    densest = np.zeros(len(counts), np.int64)
+    np.maximum.at(densest, found // span, points)
+    with_ground = counts > 0
+    return float(np.mean(densest[with_ground] >= TIMES * counts[with_ground]))
+
+
+def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
+    """Warn of ground that says nothing: of few points, in a wrong unit, or below a surface.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), the points that may be ground
+    ground : array of shape (n,), those that were found
+    metre : length of one metre in the unit of the points
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 100.0] for x in range(9) for y in range(9)])
+    >>> tell_of_ground(xyz, np.ones(81, bool), 1.0)
+    """
+    if len(xyz) < FEW:
+        log.warning(
+            "so few points (%d that may be ground) do not tell what is ground: at least %d are "
+            "needed, one in each of eight directions and one between them",
+            len(xyz),
+            FEW,
+        )
+        return
+    if problem := height_problem(xyz, metre):
+        log.warning("%s", problem)
+    if (share := hidden_share(xyz, ground, metre)) > MOST:
+        log.warning(
+            "the ground that was found is probably noise below the ground: in %.0f %% of the "
+            "squares of %g m that have any, a layer more than %g m above it has at least %d times "
+            "its points; remove low noise first (points.denoise, or --ignore its class)",
+            100 * share,
+            SQUARE,
+            CLEAR,
+            TIMES,
+        )
+
+
+def _counted_through(cells: Ints) -> tuple[Ints, Ints]:
+    """The cells with points, in order, and for each point which of them is its own."""
+    size = int(cells.max()) + 1
+    if size > max(FEW_CELLS, 2 * len(cells)):  # stray points stretch the box
+        places, own = np.unique(cells, return_inverse=True)
+        return places, own
+    places = np.flatnonzero(np.bincount(cells, minlength=size))
+    number = np.zeros(size, np.int64)
+    number[places] = np.arange(len(places))
+    return places, number[cells]
+
+
+def _cells(xyz: Floats, size: float) -> tuple[NDArray[np.int64], int]:
+    """Number of the cell of each point, row by row, and how far apart rows are."""
+    if not len(xyz):
+        return np.zeros(0, np.int64), 1
+    at = np.floor(xyz[:, :2] / size).astype(np.int64)
+    at -= at.min(axis=0)
+    cols = int(at[:, 0].max()) + 2  # with a gap, so that the last of a row has no neighbour
+    return at[:, 1] * cols + at[:, 0], cols

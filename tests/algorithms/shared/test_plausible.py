@@ -1,0 +1,159 @@
+"""Warnings of ground that says nothing, and none where it is ground."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pyproj import CRS
+from scenes.layers import cloud
+from scenes.towns import plane, town
+
+from algorithms.points.info import PointsInfo
+from algorithms.shared.plausible import height_problem, hidden_share, tell_of_ground
+from toolbox import catalog
+from toolbox.data.crs import local_crs
+
+Floats = NDArray[np.float64]
+FILTERS = ["ground.classify", "ground.csf", "ground.ptd", "ground.robust_interpolation"]
+
+
+def field(side: float = 40.0) -> Floats:
+    """A field with 16 points/m2."""
+    return plane(side, 0.25, jitter=0.2)
+
+
+def forest(share: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """The field, with this share of its points on the ground and the rest in crowns 6 m deep."""
+    rng = np.random.default_rng(3)
+    xyz = field()
+    ground = rng.random(len(xyz)) < share
+    xyz[~ground, 2] += rng.uniform(10, 16, np.count_nonzero(~ground))
+    return xyz, ground
+
+
+def with_low_noise(share: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """The field with some points 1.5 to 6 m below it; which these are."""
+    rng = np.random.default_rng(4)
+    xyz = field()
+    low = rng.random(len(xyz)) < share
+    xyz[low, 2] -= rng.uniform(1.5, 6, np.count_nonzero(low))
+    return xyz, low
+
+
+def warned(caplog: pytest.LogCaptureFixture, id: str, xyz: Any) -> str:
+    """The warnings of a tool."""
+    caplog.clear()
+    with caplog.at_level(logging.WARNING):
+        catalog.load(id).make(points=cloud(xyz)).run()
+    return caplog.text
+
+
+@pytest.mark.parametrize("id", FILTERS)
+def test_filters_tell_of_few_points(id: str, caplog: pytest.LogCaptureFixture) -> None:
+    lines = [[x, y, 1.0] for x in range(3) for y in range(3)]
+    assert "so few points (1 that may be ground)" in warned(caplog, id, lines[:1])
+    assert "so few points (8 that" in warned(caplog, id, lines[:8])
+    assert warned(caplog, id, lines) == ""
+
+
+@pytest.mark.parametrize("id", FILTERS)
+def test_filters_tell_of_heights_in_another_unit(id: str, caplog: pytest.LogCaptureFixture) -> None:
+    xyz = plane(20.0)
+    assert warned(caplog, id, xyz) == ""
+    assert "above 30080 m, where there is no land" in warned(caplog, id, xyz * (1, 1, 100))
+
+
+def test_heights_that_no_land_has() -> None:
+    xyz = plane(20.0)
+    for shift, wrong in ((-790, False), (-820, True), (8_650, False), (8_750, True)):
+        problem = height_problem(xyz + np.array([0, 0, shift]), 1.0)
+        assert (problem is not None) == wrong
+        feet = height_problem((xyz + np.array([0, 0, shift])) / 0.3048, 1 / 0.3048)
+        assert (feet is not None) == wrong
+    assert height_problem(xyz[:0], 1.0) is None
+
+
+@pytest.mark.parametrize(("tilt", "wrong"), [(4.9, False), (5.3, True)])
+def test_slopes_that_no_terrain_has(tilt: float, wrong: bool) -> None:
+    xyz = plane(60.0, tilt=tilt)
+    for unit in (1.0, 0.3048):
+        problem = height_problem(xyz / unit, 1 / unit)
+        assert (problem is not None and "which no terrain has" in problem) == wrong
+
+
+@pytest.mark.parametrize(("height", "wrong"), [(5.0, True), (1.4, False)])
+def test_a_flat_town_in_centimetres(height: float, wrong: bool) -> None:
+    """Its ground has no slopes that could be told from steep ones, but its walls are too high."""
+    xyz, _ = town(plane(60.0, tilt=0), {(9, 21, 9, 25): height, (30, 44, 30, 52): height})
+    assert height_problem(xyz, 1.0) is None
+    xyz[:, 2] -= 290
+    problem = height_problem(xyz * (1, 1, 100), 1.0)
+    assert (problem is not None and "the points spread over 5" in problem) == wrong
+
+
+def test_woods_with_few_points_are_no_cliffs() -> None:
+    xyz, _ = forest(0.03)
+    assert height_problem(xyz[::40] * (1, 1, 3), 1.0) is None
+
+
+def test_information_tells_of_heights_in_another_unit_on_a_map_alone() -> None:
+    """A scan in a local CRS may be of a wall."""
+    xyz = plane(20.0) * (1, 1, 100)
+    for crs, wrong in ((CRS(32635), True), (local_crs("local"), False), (None, False)):
+        table = PointsInfo(points=cloud(xyz, crs=crs)).run().table
+        assert ("where there is no land" in " ".join(map(str, table.frame["value"]))) == wrong
+
+
+@pytest.mark.parametrize("id", FILTERS)
+def test_filters_tell_that_a_surface_hides_their_ground(
+    id: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Here each filter takes noise for ground; the warning must not depend on which does."""
+    xyz, low = with_low_noise(0.01)
+    module = importlib.import_module(f"algorithms.{id}")
+    name = "verdict" if id == "ground.classify" else "ground_mask"
+    found = (low, np.ones(len(xyz))) if id == "ground.classify" else low
+    monkeypatch.setattr(module, name, lambda *_, **__: found)
+    assert "the ground that was found is probably noise below the ground" in warned(caplog, id, xyz)
+
+
+def test_the_share_of_hidden_ground() -> None:
+    xyz, low = with_low_noise(0.01)
+    assert hidden_share(xyz, low, 1.0) > 0.95
+    assert hidden_share(xyz / 0.3048, low, 1 / 0.3048) > 0.95
+    assert hidden_share(xyz, ~low, 1.0) == 0
+    assert hidden_share(xyz, low & False, 1.0) == 0
+
+
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.2])
+def test_crowns_hide_no_ground(share: float) -> None:
+    assert hidden_share(*forest(share), 1.0) < 0.1
+
+
+def test_roofs_hide_no_ground() -> None:
+    xyz = field()
+    roof = np.hypot(*(xyz[:, :2] - xyz[:, :2].mean(axis=0)).T) < 15
+    xyz[roof, 2] += 8
+    assert hidden_share(xyz, ~roof, 1.0) < 0.2
+
+
+def test_ground_of_which_a_part_is_hidden_is_told_from_three_tenths_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    xyz, low = with_low_noise(0.01)
+    middle = xyz[:, 0].min() + 20
+    for west, told in ((12, True), (-12, False)):
+        caplog.clear()
+        ground = np.where(xyz[:, 0] < middle + west, low, ~low)
+        tell_of_ground(xyz, ground, 1.0)
+        assert ("probably noise" in caplog.text) == told
+
+
+def test_stray_points_do_not_stretch_memory() -> None:
+    xyz = np.vstack([plane(60.0, tilt=5.3), [[9e9, 9e9, 0.0]]])
+    assert "which no terrain has" in str(height_problem(xyz, 1.0))

@@ -230,7 +230,9 @@ def warnings(cloud: PointCloud) -> Iterator[str]:
 
 def _on_a_map(cloud: PointCloud) -> bool:
     """True for lengths in a CRS of the Earth; a scan in a local one may be of a wall."""
-    return length_problem(cloud.crs) is None and horizontal_crs(cloud.crs).is_projected
+    if cloud.crs is None or length_problem(cloud.crs):
+        return False
+    return bool(horizontal_crs(cloud.crs).is_projected)
 
 
 def _gross_outliers(cloud: PointCloud) -> Iterator[str]:

@@ -90,7 +90,8 @@ class CellGrid:
     middle : median of the lowest heights around, NaN where there is none
     spread : of these, from 20 to 80 %
     known : number of cells around that have points, of 25
-    inside : whether the cell is surrounded by data
+    inside : whether the cell has data, or lies between data in its row or column
+    surrounded : whether it has data, or lies between data in its row and in its column
     density : points per square unit on land
     """
 
@@ -105,6 +106,7 @@ class CellGrid:
     spread: Floats
     known: NDArray[np.uint8]
     inside: Mask
+    surrounded: Mask
     density: float
 
     @property
@@ -134,6 +136,11 @@ class CellGrid:
         floor[self.hole] = -np.inf
         floor[~self.inside] = np.inf
         return floor
+
+    @property
+    def rim(self) -> Mask:
+        """True for holes at the edge of the data: of what lies there nothing is known."""
+        return np.asarray(self.hole & ~self.surrounded)
 
 
 class Tilt(NamedTuple):
@@ -226,20 +233,30 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
         ctx.progress(0.7 + 0.3 * last / lattice.rows)
     with np.errstate(invalid="ignore"):
         bright /= count
-    inside = enclosed(count > 0)
+    column, row = between(count > 0, 0), between(count > 0, 1)
+    inside, surrounded = column | row, column & row
     return CellGrid(
-        lattice, metre, base, low, count, bright, water, middle, spread, known, inside, density
+        lattice,
+        metre,
+        base,
+        low,
+        count,
+        bright,
+        water,
+        middle,
+        spread,
+        known,
+        inside,
+        surrounded,
+        density,
     )
 
 
-def enclosed(data: Mask) -> Mask:
-    """True for cells with data, and for cells between data in their row or column."""
-    inside = data.copy()
-    for axis in (0, 1):
-        before = np.logical_or.accumulate(data, axis=axis)
-        after = np.flip(np.logical_or.accumulate(np.flip(data, axis), axis=axis), axis)
-        inside |= before & after
-    return inside
+def between(data: Mask, axis: int) -> Mask:
+    """True for cells with data, and for cells between data along an axis."""
+    before = np.logical_or.accumulate(data, axis=axis)
+    after = np.flip(np.logical_or.accumulate(np.flip(data, axis), axis=axis), axis)
+    return np.asarray(before & after)
 
 
 Pool = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted plane
@@ -290,7 +307,7 @@ class Pour:
     """
 
     def __init__(self, cells: CellGrid, least_area: float) -> None:
-        self.cells, self.floor = cells, cells.floor
+        self.cells, self.floor, self.rim = cells, cells.floor, cells.rim
         self.least = max(1, math.ceil(least_area / cells.area))
         self.first = math.ceil(self.least / START)
         self.lowest = _below(cells, self.first)
@@ -381,8 +398,23 @@ class Pour:
     def _spread(
         self, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
     ) -> tuple[Ints, int]:
-        """Cells that water at a level covers, and how many of them lie clearly below it."""
-        floor, middle = self.floor, self.middle
+        """Cells that water at a level covers, and how many of them lie clearly below it.
+
+        Water that runs off across a hole at the edge of the data, where nobody knows whether there
+        is a dam, is held there: how such edges lie to rows and columns must not decide.
+        """
+        body, lower = self._over(self.floor, starts, level, below, most_lower, tilt)
+        if lower <= most_lower or not self.rim.ravel()[body].any():
+            return body, lower
+        held = np.where(self.rim, np.float32(np.inf), self.floor)
+        inner = starts[~self.rim.ravel()[starts]]
+        return self._over(held, inner, level, below, most_lower, tilt)
+
+    def _over(
+        self, floor: Floats, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
+    ) -> tuple[Ints, int]:
+        """Cells of a floor that water at a level covers, and how many lie clearly below it."""
+        middle = self.middle
         if tilt != LEVEL:
             rows, cols = floor.shape
             trend = tilt.at(np.arange(rows)[:, None], np.arange(cols)).astype(np.float32)

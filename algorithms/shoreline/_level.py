@@ -103,7 +103,12 @@ class Level:
 
 
 def level_of(
-    xyz: Floats, strip: Ints, core: NDArray[np.bool_], start: float, metre: float
+    xyz: Floats,
+    strip: Ints,
+    core: NDArray[np.bool_],
+    start: float,
+    metre: float,
+    step: float = 0.0,
 ) -> Level:
     """Level of a water body from points on the water.
 
@@ -118,6 +123,7 @@ def level_of(
     core : array of shape (n,), points far from the shore, which tell the level
     start : a first estimate
     metre : length of one metre in the unit of the points
+    step : what heights are rounded to
     """
     heights, strips = xyz[core, 2], strip[core]
     middle = _of_strips(heights, strips, _settled(heights, start, metre)[0], metre)
@@ -126,7 +132,11 @@ def level_of(
     if near.sum() < FEWEST:
         return Level(start, MOST_SIGMA * metre, math.inf, MOST_SIGMA * metre, int(near.sum()))
     level = float(heights[near].mean())
-    error, freedom, apart = _error(xyz[core][near], strips[near])
+    scatter, freedom, apart = _error(xyz[core][near], strips[near])
+    error = math.hypot(scatter, _rounding(heights[near], step))
+    freedom = (
+        freedom * (error / scatter) ** 4 if scatter else math.inf
+    )  # what rounding adds is known
     if sigma >= MOST_SIGMA * metre:  # rougher than water: banks or islands are among the points
         error, freedom = sigma, math.inf
     own = _levels(heights, strips, near)
@@ -199,8 +209,22 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     excess = float(np.var(offset, ddof=1) - (within / share).mean())
     between = max(excess, 0.0) * float(share @ share)
     both = within + between
-    freedom = both**2 / (within**2 / freedom + between**2 / more)
+    if both:  # not so where all heights are rounded to one
+        freedom = both**2 / (within**2 / freedom + between**2 / more)
     return float(np.sqrt(both)), freedom, float(np.ptp(offset))
+
+
+def _rounding(heights: Floats, step: float) -> float:
+    """Standard error of a mean by the rounding of the heights.
+
+    Heights on calm water are all rounded the same way, and the mean is as wrong as each of them.
+    Noise makes them fall on several steps, and the error of the mean fade as the Fourier transform
+    of its distribution does at one over the step (Widrow and Kollar 2008, quantization theorem).
+    """
+    if not step:
+        return 0.0
+    noise = max(float(np.var(heights)) - step**2 / 12, 0.0)  # Sheppard's correction
+    return step / math.sqrt(12) * math.exp(-2 * math.pi**2 * noise / step**2)
 
 
 def even_blocks(xy: Floats) -> list[Ints]:
@@ -217,7 +241,7 @@ def _halves(xy: Floats, some: Ints) -> list[Ints]:
     return np.array_split(some[np.argsort(xy[some, axis], kind="stable")], 2)
 
 
-def edge_level(xyz: Floats, start: float, metre: float) -> Level:
+def edge_level(xyz: Floats, start: float, metre: float, step: float = 0.0) -> Level:
     """Level of a water body without returns, from points on its shore.
 
     The lowest points on a bank lie between the level and a spacing up the slope: their heights
@@ -227,7 +251,7 @@ def edge_level(xyz: Floats, start: float, metre: float) -> Level:
 
     Parameters
     ----------
-    xyz, start, metre : see :func:`level_of`
+    xyz, start, metre, step : see :func:`level_of`
     """
     heights = np.sort(xyz[:, 2])
     heights = heights[abs(heights - start) <= EDGE * metre]
@@ -240,7 +264,7 @@ def edge_level(xyz: Floats, start: float, metre: float) -> Level:
     scatter = float(np.std([_onset(some, start, width) for some in drawn]))
     level = _onset(heights, start, width)
     waves = float(np.quantile(heights, FOOT)) - level
-    error = math.hypot(scatter, width / math.sqrt(12), waves)
+    error = math.hypot(scatter, width / math.sqrt(12), step / math.sqrt(12), waves)
     return Level(level, error, math.inf, width, len(heights), basis="shore")
 
 

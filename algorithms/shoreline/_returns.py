@@ -16,6 +16,7 @@ from toolbox.data import PointCloud, Survey
 from toolbox.errors import DataError
 
 BATCH = 2_000_000  # points that are read at a time
+FOR_STEP = 100_000  # heights that tell to what they are rounded
 UNIT = 1e-4  # of coordinates, in the unit of the data: 32 bits reach 200 km
 
 Floats = NDArray[np.float64]
@@ -44,6 +45,12 @@ class Returns:
 
     def __len__(self) -> int:
         return len(self.packed)
+
+    @property
+    def step(self) -> float:
+        """What heights are rounded to: the largest step of which all are whole multiples apart."""
+        heights = self.packed[:: max(1, len(self) // FOR_STEP), 2].astype(np.int64)
+        return float(np.gcd.reduce(heights - heights[:1])) * UNIT if len(heights) else 0.0
 
     def xyz(self, which: slice | NDArray[np.int64]) -> Floats:
         """Coordinates of some points, shape (k, 3)."""

@@ -16,6 +16,7 @@ from algorithms.shoreline._bodies import (
     LARGE,
     LEVEL,
     VERY_DARK,
+    WALL,
     Body,
     CellGrid,
     Pour,
@@ -205,7 +206,8 @@ def with_levels(
     xyz, strips = xyz[order], np.concatenate(strip)[order].astype(np.int64)
     ends = np.searchsorted(which[order], np.arange(len(bodies) + 2))
     of_body = [slice(*ends[k : k + 2]) for k in range(1, len(bodies) + 1)]
-    return [_surface(cells, b, xyz[k], strips[k]) for b, k in zip(bodies, of_body, strict=True)]
+    each = zip(bodies, of_body, strict=True)
+    return [_surface(cells, body, xyz[k], strips[k], points.step) for body, k in each]
 
 
 def _sampled(cells: CellGrid, body: Body) -> Ints:
@@ -218,7 +220,7 @@ def _sampled(cells: CellGrid, body: Body) -> Ints:
     return np.asarray(inner[(inner // cells.lattice.cols + inner % cells.lattice.cols) % step == 0])
 
 
-def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
+def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float) -> Water:
     """A body with its level, or with the plane of a river."""
     lattice, metre = cells.lattice, cells.metre
     xs, ys = lattice.centres()
@@ -228,10 +230,10 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
     core = open_water(cells, body)
     if cells.count.ravel()[core].sum() < FEWEST:
-        level = edge_level(flat, body.level, metre)
+        level = edge_level(flat, body.level, metre, step)
     else:
         deep = np.isin(cells_of(xyz, lattice), core)
-        level = level_of(flat, strip, deep, body.level, metre)
+        level = level_of(flat, strip, deep, body.level, metre, step)
         if _islands_hide(cells, body):
             low = np.isin(cells_of(xyz, lattice), open_water(cells, body, crests=False))
             troughs = level_of(flat, strip, low, body.level, metre)
@@ -334,6 +336,13 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 strip_levels(one.level),
             )
+        if one.level.basis == "shore" and (rise := _rise(cells, one)) > WALL * metre:
+            log.warning(
+                "points: nothing came back from the %s, and half of its rim is %.1f m or more "
+                "above its level: it may be a gap of the data, filled to its lowest edge",
+                name_of(cells, one),
+                rise / metre,
+            )
         if _islands_hide(cells, one.body):
             log.warning(
                 "points: the %s has waves of %.2f m and is not much darker than its shore: islands "
@@ -341,6 +350,15 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 one.level.sigma / metre,
             )
+
+
+def _rise(cells: CellGrid, water: Water) -> float:
+    """Median height of what is beside a lake above its level: little, where it has shores."""
+    heights = cells.low.ravel()[around(cells.lattice, water.body.cells, 1)]
+    heights = heights[np.isfinite(heights)]
+    if water.fall or not len(heights):
+        return 0.0
+    return float(np.median(heights)) + cells.base - water.level.height
 
 
 def strip_levels(level: Level) -> str:

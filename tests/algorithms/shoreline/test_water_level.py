@@ -95,6 +95,58 @@ def test_ice_is_left_out_unless_it_is_asked_for() -> None:
     assert found.level == pytest.approx(99.0, abs=0.005)
 
 
+@pytest.mark.parametrize("step", [0.05, 0.1, 0.25])
+def test_rounded_heights_make_the_level_less_sure(step: float) -> None:
+    """The noise of 2 cm does not average their rounding out, and the interval holds the truth."""
+    for level in LEVEL + np.linspace(0.0, 0.9, 4) * step:
+        cloud = lake(level=level)
+        rounded = cloud.xyz.copy()
+        rounded[:, 2] = np.round(rounded[:, 2] / step) * step
+        found = ShorelineWaterLevel(points=cloud.with_xyz(rounded)).run()
+        assert found.level is not None
+        assert found.level_interval is not None
+        assert abs(found.level - level) <= found.level_interval < step
+
+
+def test_noise_averages_the_rounding_of_heights_out() -> None:
+    rng = np.random.default_rng(0)
+    for noise, error in ((0.001, 0.1 / np.sqrt(12)), (0.1, 0.0)):
+        xyz = np.column_stack([rng.uniform(0, 100, (4000, 2)), rng.normal(0.03, noise, 4000)])
+        xyz[:, 2] = xyz[:, 2].round(1)
+        yes = np.ones(4000, bool)
+        told, plain = (level_of(xyz, yes * 0, yes, 0.0, 1.0, step) for step in (0.1, 0.0))
+        assert told.error == pytest.approx(np.hypot(plain.error, error), rel=0.01)
+
+
+def test_water_does_not_run_off_across_the_edge_of_the_data() -> None:
+    """Two waters with a dam between, which the survey leaves before its end, turned on the map."""
+    rng = np.random.default_rng(2)
+    xy = rng.uniform((0, 0), (200, 120), (96_000, 2))
+    x, y = xy.T
+    wet, dam = (y < 100) & (abs(x - 140) > 10), abs(x - 140) <= 10
+    z = np.select([y >= 100, dam, x < 140], [1.5, 2.0, 0.0], -0.8) + rng.normal(0, 0.02, len(x))
+    kept = (~wet | (rng.random(len(x)) < 0.1)) & ((abs(x - 130) > 55) | (y > 25))
+    for turn in np.radians([0, 45, 60]):
+        c, s = np.cos(turn), np.sin(turn)
+        xyz = np.column_stack([c * x - s * y, s * x + c * y, z])[kept]
+        rows = ShorelineWaterLevel(points=PointCloud(xyz, crs=CRS(32635))).run().levels.rows()
+        assert sorted(row["level"] for row in rows) == pytest.approx([-0.8, 0.0], abs=0.02)
+        assert min(row["area"] for row in rows) > 3000
+
+
+def test_a_gap_in_the_data_is_told_from_a_lake(caplog: pytest.LogCaptureFixture) -> None:
+    rng = np.random.default_rng(3)
+    xy = rng.uniform(0, 100, (40_000, 2))
+    xy = xy[np.hypot(*(xy - 50).T) > 25]
+    x, y = abs(xy - 50).T
+    valley = np.column_stack([xy, 0.5 * np.maximum(x - 10, 0) + 0.1 * np.maximum(y - 20, 0)])
+    ShorelineWaterLevel(points=PointCloud(valley, crs=CRS(32635))).run()
+    assert "it may be a gap of the data" in caplog.text
+    caplog.clear()
+    ShorelineWaterLevel(points=lake(returned=0.0)).run()
+    assert "gap" not in caplog.text
+
+
 def test_error_of_long_waves_is_that_of_blocks() -> None:
     """Waves of 15 m on 100 m of water: neighbouring points are wrong together."""
     rng = np.random.default_rng(1)

@@ -159,6 +159,26 @@ class PointFeatures:
                 total,
             )
 
+    def _warn_of_noise(self) -> None:
+        """Log that the ground itself is rougher than a plane may be, as noise makes it.
+
+        Roofs are known by a share ON_PLANES of their points. Where not even the ground has it,
+        which is as smooth as they are, no roof can.
+        """
+        scatter = self.planes[0][self.terrain[0]]
+        scatter = scatter[np.isfinite(scatter)]
+        if not len(scatter) or np.mean(scatter <= self.flat) >= ON_PLANES:
+            return
+        log.warning(
+            "points on the ground scatter by %.2f m about the planes around them, and only %.0f %% "
+            "by no more than %.2g m, as points on roofs must: by planes roofs cannot be told from "
+            "vegetation; the points are too noisy; a tool with `flat` needs some %.2f m",
+            np.median(scatter),
+            100 * np.mean(scatter <= self.flat),
+            self.flat,
+            1.5 * np.median(scatter),
+        )
+
     @functools.cached_property
     def let_through(self) -> Mask:
         """True for returns after which the pulse went on, array of shape (n,)."""
@@ -175,6 +195,7 @@ class PointFeatures:
 
         Only points on the same side of the ground count: those on it, or those above it.
         """
+        self._warn_of_noise()
         how = self.radius, self.context, self.flat, self.cloud.metre
         inputs = self._places, self.terrain[0], self.let_through, *how
         return self.ctx.once("around", inputs, self._around)

@@ -226,7 +226,9 @@ def _squares(region: Mask, side: float) -> Any:
     row, column = np.nonzero(region)
     squares = shapely.box(column * side, row * side, (column + 1) * side, (row + 1) * side)
     whole = shapely.union_all(shapely.buffer(squares, BRIDGE / 2 * side, cap_style="square"))
-    return shapely.buffer(whole, -BRIDGE / 2 * side, join_style="mitre")
+    # Mitres of edges in one line divide by zero in GEOS, which then joins them as they are.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return shapely.buffer(whole, -BRIDGE / 2 * side, join_style="mitre")
 
 
 def _beside(wall: Mask, region: Mask, box: Box) -> tuple[float, float, float, float]:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import geopandas
 import numpy as np
+from numpy.typing import NDArray
 
 from algorithms.planes import _columns as columns
 from algorithms.planes._fronts import (
@@ -34,6 +35,7 @@ from toolbox.data.crs import local_like
 from toolbox.declare import Share, outputs, param, show, sink, source, tool
 
 NAME, FRONT = "plane_id", "front_id"
+TALLEST = 1000.0  # metres: no building is as high; the tallest is 828 m
 BELOW = 2.0  # tolerance over the noise below which planes fall to pieces
 
 
@@ -225,6 +227,7 @@ class PlanesExtract:
         planes = drawn(cloud.xyz, ids, found.planes, gap / 2, ctx.part(0.7, 1.0))
         fronts = fronts_of(cloud.xyz, ids, found.planes, depth=self.front_depth, metre=cloud.metre)
         of_plane, relief = front_numbers(fronts, len(found.planes))
+        self._warn_of_unit(np.append(0, of_plane)[ids] > 0)
         planes["front_id"], planes["relief"] = of_plane, relief
         shown = elevation(planes, found.planes, cloud.xyz, ids, cloud.metre)
         ctx.progress(1.0)
@@ -246,6 +249,19 @@ class PlanesExtract:
             used_gap=gap,
             trials=found.trials,
         )
+
+    def _warn_of_unit(self, on_front: NDArray[np.bool_]) -> None:
+        """Say so where points on fronts, a mask of shape (n,), reach higher than any building."""
+        cloud = self.points
+        high = float(np.ptp(cloud.xyz[on_front, 2])) / cloud.metre if on_front.any() else 0.0
+        if high > TALLEST:
+            log.warning(
+                "the fronts are %.0f m high, more than any building: are the points in "
+                "millimetres? They are read as %s; divide them by 1000, or give them a CRS with "
+                "their unit",
+                high,
+                "metres" if cloud.metre == 1 else f"units of which {cloud.metre:g} are a metre",
+            )
 
     def _fronts(self, fronts: list[Front], shapes: list[Any]) -> Vector:
         """Layer of the fronts."""

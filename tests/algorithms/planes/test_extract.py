@@ -609,3 +609,16 @@ def test_a_wall_of_few_points(data: Callable[[str], Path]) -> None:
     out = PlanesExtract(points=PointCloud.open(path, assume_crs=LOCAL)).run()
     frame = out.planes.frame
     assert frame.points[frame.tilt > 89].max() > 170
+
+
+def test_fronts_higher_than_any_building_ask_for_the_unit(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A wall of 8 by 3 m, once in metres and once in millimetres that are read as metres."""
+    wall = patch((0, 0, 0), (8, 0, 0), (0, 0, 3), 3000, noise=0.0) - FAR
+    for factor, told in ((1.0, False), (1000.0, True)):
+        caplog.clear()
+        out = PlanesExtract(points=PointCloud(wall * factor, crs=LOCAL)).run()
+        assert out.front_count == 1
+        assert ("are the points in millimetres?" in caplog.text) == told
+    assert "the fronts are 2999 m high" in caplog.text

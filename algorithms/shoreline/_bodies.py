@@ -51,21 +51,17 @@ RUN_OFF = 0.02  # share of a body that may seem to lie lower
 SPARSE = 0.5  # of the density of the shore: pulses were lost
 DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1 for a full one
 LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
-SIGMAS = 1.683  # standard deviations from 20 to 80 % of a normal distribution
+SIGMAS = 1.683  # standard deviations of a normal distribution between its 20 % and its 80 %
 CORE = 0.3  # of the distance to the middle of a body, from where its level is taken
 SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
 FEWEST_SECTORS = 6
-RIM, WALL = (
-    3.0,
-    1.0,
-)  # m from a shore, to where a bank reaches but no parapet; m that walls are high
+RIM = 3.0  # m from a shore, to where a bank reaches but no parapet
+WALL = 1.0  # m that a wall is high
 START = 4  # starting cells may be this many times fewer than those of a body
 WIDE = 0.2  # of its cells are not at the edge of a hole that nothing else speaks for
 WITHOUT_WAVES = 0.12  # of the root of the cells of a body, over which heights are averaged
 COMPACT = 0.8  # of the cells of a part at one level are in one piece
-CONTACT = (
-    0.5  # of the root of the cells of a body, over which it meets another one that it is part of
-)
+CONTACT = 0.5  # of the root of the cells of a body: so wide it meets another that it is part of
 RIVER = 4  # smallest river, in smallest bodies
 TILTED = 0.6  # share of the variance of these points that a plane explains, on a slope
 LEVEL_ALONE = "level"  # evidence that is not enough, unless it is the level of other water

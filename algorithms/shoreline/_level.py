@@ -195,6 +195,10 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     means of strips beyond their own errors. It counts wherever it is more than 0: a test for it
     would pass over the shifts that happen to be alike. Degrees of freedom of the sum as by
     Satterthwaite (1946).
+
+    With b means m_k of blocks, s strips, their shares p_i of the points and their offsets o_i:
+    within = sum (m_k - mean)^2 / (b - s) / b, and between = max(var(o_i) - mean(within / p_i), 0)
+    times sum p_i^2. The error is the root of within + between.
     """
     _, of, counts = np.unique(strip, return_inverse=True, return_counts=True)
     offset = np.bincount(of, xyz[:, 2]) / counts - xyz[:, 2].mean()

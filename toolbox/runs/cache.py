@@ -100,16 +100,17 @@ class Cache:
             with listening() as warnings:
                 found = job.run(ctx)
         layers = dict(_outputs(job.spec, found))
-        # A tool may hand on a layer that it was given, which has its key already.
-        keys = (
-            kept["keys"] if kept else {n: self.keys.get(v, f"{key} {n}") for n, v in layers.items()}
-        )
+        keys = kept["keys"] if kept else self._keys_of(layers, key)
         for output, layer in layers.items():
             self.keys[layer] = keys[output]
         if not kept:
             values = {output: getattr(found, output) for output in job.spec.outputs}
             self._store(key, {"values": values, "keys": keys, "warnings": warnings})
         return found
+
+    def _keys_of(self, layers: Mapping[str, Any], run: str) -> dict[str, str]:
+        """The key of each layer: that of the run with its name, or its own if it was handed on."""
+        return {name: self.keys.get(layer, f"{run} {name}") for name, layer in layers.items()}
 
     def _key(self, job: Any) -> str:
         spec: Spec = job.spec

@@ -212,6 +212,7 @@ def problems(
     found |= {name: text for name, target in targets.items() if (text := target.problem())}
     good = {name: target for name, target in targets.items() if name not in found}
     found |= dict(_twins(good))
+    # Layers may share a GeoPackage, which is no clash: one of them stands for the file.
     first = {(t.resolved if t.layer else None) or n: n for n, t in reversed(good.items())}
     good = {name: target for name, target in good.items() if name in first.values()}
     return found | files.problems(

@@ -9,8 +9,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-import numpy as np
-
 from toolbox.errors import Cancelled
 
 log = logging.getLogger("toolbox")
@@ -82,6 +80,7 @@ class Context:
 
         Examples
         --------
+        >>> import numpy as np
         >>> ctx, made = Context().keeping(), []
         >>> for heights in (np.zeros(3), np.zeros(3), np.ones(3)):
         ...     top = ctx.once("top", (heights,), lambda: made.append("made") or heights.max())
@@ -103,9 +102,12 @@ def digest(*inputs: Any) -> bytes:
 
     Examples
     --------
+    >>> import numpy as np
     >>> digest(np.zeros(3), 1.0) == digest(np.zeros(3), 1.0), digest(1) == digest(1.0)
     (True, False)
     """
+    import numpy as np  # here, as lists and helps of tools need none
+
     made = hashlib.blake2b(digest_size=32)
     for value in inputs:
         if isinstance(value, np.ndarray):

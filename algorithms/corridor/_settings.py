@@ -515,6 +515,9 @@ class Errors:
     least_seen: float = tried(
         0.75, "1", "share of a conductor with points, below which it is told: the rest is guessed"
     )
+    least_dense: float = tried(
+        20.0, "points per 100 m", "of the wires found, below which others were not found"
+    )
 
 
 @dataclass

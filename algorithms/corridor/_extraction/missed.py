@@ -129,9 +129,20 @@ def _expected(span: int, found: dict[int, int], beside: dict[int, set[int]]) -> 
 
 
 def warn_of_missed(wires: Vector) -> None:
-    """Log which spans lack conductors, and which conductors were seen along a part only."""
+    """Log which spans lack conductors, what was seen in part, and if points are too few."""
     for text in missed(wires):
         log.warning("%s; look at it, try another wire_tolerance, or denser data", text)
+    frame = wires.frame
+    if not len(frame):
+        return
+    per_100_m = float((100 * frame["points"] / frame["length"]).median())
+    if per_100_m < SETTINGS.errors.least_dense:
+        log.warning(
+            "the points are too few to see all wires: those found have %.0f per 100 m, and below "
+            "%.0f there may be others that were not found; clearances to these are not measured",
+            per_100_m,
+            SETTINGS.errors.least_dense,
+        )
 
 
 def warn_of_unseen_supports(towers: Vector) -> None:

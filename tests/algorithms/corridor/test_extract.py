@@ -41,13 +41,13 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
-from algorithms.corridor._extraction.missed import conductor_counts, seen_share
+from algorithms.corridor._extraction.missed import conductor_counts, seen_share, warn_of_missed
 from algorithms.corridor._extraction.spans import Wire, stands_alone, upheld
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, Vector
 from toolbox.declare import ClassList
 from toolbox.errors import DataError
 
@@ -985,6 +985,22 @@ def test_a_conductor_seen_along_half_a_span_is_told(
     assert f"conductor {half.wire_id} was seen along {100 * half.seen_share:.0f} % only" in (
         caplog.text
     )
+
+
+@pytest.mark.parametrize(("per_metre", "told"), [(0.1, True), (0.7, False)])
+def test_points_too_few_to_see_all_wires_are_told(
+    per_metre: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nothing tells of wires that are not found but the few points on the others."""
+    wires, rest = four_spans(0.7)
+    layer = found(rest, *wires).wires
+    frame = layer.frame.copy()
+    frame["points"] = (per_metre * frame["length"]).round().astype(int)
+    caplog.clear()
+    warn_of_missed(Vector(frame))
+    text = "the points are too few to see all wires: those found have 10 per 100 m, and below 20"
+    assert (text in caplog.text) == told
+    warn_of_missed(Vector(frame[:0]))
 
 
 def test_gaps_that_chance_explains_are_seen() -> None:

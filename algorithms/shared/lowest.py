@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared import low_noise
 from algorithms.shared.kernels import lowest as kernels
 from toolbox.context import Context, log
 from toolbox.data import Lattice
@@ -115,19 +116,23 @@ def outlier_reach(cell: float) -> float:
     """Metres within which other points decide whether a point is a low outlier.
 
     In each round it is compared with the lowest points of cells, and so are the points below it
-    in its own cell.
+    in its own cell. Scattered noise is left out before.
 
     Examples
     --------
     >>> round(outlier_reach(1.0), 1)
-    47.0
+    58.3
     """
     cell = max(cell, OUTLIER_CELL)
-    return OUTLIER_ROUNDS * (max(OUTLIER_REACH, 2 * cell) + 2 * math.sqrt(2) * cell)
+    return low_noise.REACH + OUTLIER_ROUNDS * (
+        max(OUTLIER_REACH, 2 * cell) + 2 * math.sqrt(2) * cell
+    )
 
 
 def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -> Mask:
     """False for low outliers: single points and small groups far below almost all around them.
+
+    And for noise scattered below a surface, see :func:`low_noise.scattered_below`.
 
     Parameters
     ----------
@@ -158,7 +163,7 @@ def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -
     for first, last in blocks(len(xyz)):
         cells[first:last] = cells_of(xyz[first:last], lattice)
         ctx.progress(0.1 * last / len(xyz))
-    use = np.ones(len(xyz), bool)
+    use = ~low_noise.scattered_below(xyz, metre)
     lowest = np.full(lattice.shape, -1)
     wanted = np.ones(lattice.shape, bool)
     for k in range(OUTLIER_ROUNDS):

@@ -16,7 +16,7 @@ SQUARE = 4.0  # metres: of a square in which ground is compared with what is abo
 CLEAR, LAYER = 1.0, 0.5  # metres: a layer so thick, so far above all ground of a square, ...
 TIMES = 20  # ... with so many times its points is a surface, which hides what is below it
 FEW_CELLS = 1_000_000  # as many are never too many
-MOST = 0.3  # share of the squares with ground; in real surveys it is 0.07 at most
+MOST = 0.2  # share of the squares with ground; in real surveys it is 0.07 at most
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -142,12 +142,12 @@ def test_roofs_hide_no_ground() -> None:
     assert hidden_share(xyz, ~roof, 1.0) < 0.2
 
 
-def test_ground_of_which_a_part_is_hidden_is_told_from_three_tenths_on(
+def test_ground_of_which_a_part_is_hidden_is_told_from_a_fifth_on(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     xyz, low = with_low_noise(0.01)
     middle = xyz[:, 0].min() + 20
-    for west, told in ((12, True), (-12, False)):
+    for west, told in ((-6, True), (-14, False)):
         caplog.clear()
         ground = np.where(xyz[:, 0] < middle + west, low, ~low)
         tell_of_ground(xyz, ground, 1.0)

@@ -18,7 +18,6 @@ import shapely
 from toolbox.data.axis_names import ambiguity, chosen
 from toolbox.data.reading import errors_named
 from toolbox.data.table import Table
-from toolbox.data.table_files import read_csv
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -78,13 +77,15 @@ def read(path: Path) -> geopandas.GeoDataFrame:
 
 def _frame(path: Path) -> pd.DataFrame:
     """The rows of a CSV file, whose header has semicolons or tabs if it has no commas."""
+    from toolbox.data import table_files  # and pandas, which only tables need
+
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         header = file.readline()
     marks = [mark for mark in ",;\t" if mark in header]
     if not marks or marks[0] == ",":
         return Table.open(path).frame
     with errors_named(f"{path} cannot be read"):
-        return read_csv(path, marks[0])
+        return table_files.read_csv(path, marks[0])
 
 
 def _coordinates(names: list[str], path: Path) -> list[str]:

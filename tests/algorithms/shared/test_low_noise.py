@@ -55,6 +55,20 @@ def test_ground_of_a_thick_wood_stays(share: float, tilt: float) -> None:
     assert scattered_below(xyz, 1.0)[~leaves].mean() < 0.05
 
 
+def test_crowns_are_no_surface_that_makes_ground_noise() -> None:
+    """A wood 18 m high with 60 points per m2, of which one in two thousand is of the ground."""
+    rng = np.random.default_rng(8)
+    xyz = rng.uniform((0, 0, 2), (40, 40, 20), (96_000, 3))
+    xyz[::2000, 2] = 0.0
+    assert not scattered_below(xyz, 1.0).any()
+
+
+def test_stray_heights_change_nothing_for_others() -> None:
+    xyz, _ = with_noise(field(), 0.003, 6)
+    stray = np.vstack([xyz, [[EAST, NORTH, 1e17], [EAST, NORTH, -1e17]]])
+    np.testing.assert_array_equal(scattered_below(stray, 1.0)[:-2], scattered_below(xyz, 1.0))
+
+
 @pytest.mark.parametrize("width", [2.0, 3.0, 10.0])
 def test_pits_stay(width: float) -> None:
     """As wide as that, 5 m deep, anywhere in the squares."""

@@ -391,7 +391,7 @@ def test_tiles_of_a_real_survey_have_the_labels_of_the_whole(data: Callable[[str
     whole = labels(xyz)
     middle = np.median(xyz[:, :2], axis=0)
     off = np.abs(xyz[:, :2] - middle).max(axis=1)
-    core, tile = off < 60, off < 60 + reach(1.0, 48.0)
+    core, tile = off < 40, off < 40 + reach(1.0, 48.0)
     assert core.sum() > 500
     assert tile.mean() < 0.9
     np.testing.assert_array_equal(labels(xyz[tile])[core[tile]], whole[core])

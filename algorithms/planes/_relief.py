@@ -15,6 +15,7 @@ from scipy.ndimage import binary_dilation, label, uniform_filter
 
 from algorithms.planes._fronts import Front
 from algorithms.planes._outlines import View
+from algorithms.shared.windows import between
 
 PER_CELL = 4.0  # points of the wall in a square, about
 SIGMAS = 3.0  # standard deviations of a wall within which its points lie
@@ -198,7 +199,8 @@ def _plane(
     index: int, uv: Floats, away: Floats, ids: NDArray[Any], shades: Floats | None
 ) -> _Plane:
     part = np.flatnonzero(ids == index + 1)
-    size, holes = _size(uv[part]), _holes(uv[part])
+    held, row, column = _held(uv[part])
+    size, holes = _size(uv[part], held, row, column), _holes(held)
     part = part[:: 1 + len(part) // FEW]
     shade = np.full(1, np.nan) if shades is None else shades[part]
     return _Plane(index, *_robust(away[part]), size, *_robust(shade), holes)
@@ -210,12 +212,11 @@ def _robust(values: Floats) -> tuple[float, float]:
     return middle, DEVIATION * float(np.median(np.abs(values - middle)))
 
 
-def _size(uv: Floats) -> Floats:
+def _size(uv: Floats, held: Mask, row: Ints, column: Ints) -> Floats:
     """Width and height of the piece of a plane with the most points.
 
     The panes of windows above each other may be one plane, and larger than an opening.
     """
-    held, row, column = _held(uv)
     piece = label(binary_dilation(held), np.ones((3, 3), bool))[0][row, column]
     largest = uv[piece == np.bincount(piece).argmax()]
     return np.asarray(np.ptp(np.quantile(largest, INNER, axis=0), axis=0))
@@ -230,17 +231,12 @@ def _held(uv: Floats) -> tuple[Mask, Ints, Ints]:
     return held, row, column
 
 
-def _holes(uv: Floats) -> float:
+def _holes(held: Mask) -> float:
     """Share of the squares inside a plane that hold none of its points.
 
     Inside is what has points to the left, right, above and below.
     """
-    held, _, _ = _held(uv)
-    inner = np.ones_like(held)
-    for axis in (0, 1):
-        for some in (held, np.flip(held, axis)):
-            ahead = np.logical_or.accumulate(some, axis=axis)
-            inner &= ahead if some is held else np.flip(ahead, axis)
+    inner = between(held, 0) & between(held, 1)
     return float((inner & ~held).sum() / inner.sum())
 
 
@@ -261,10 +257,8 @@ def _walls(
     shade = np.average([part.shade for part in large], weights=weights)
     squares = [(part.shade - shade) ** 2 + part.shade_spread**2 for part in large]
     shade_limit = LIKE * math.sqrt(np.average(squares, weights=weights))
-    walls, firm = (
-        list(large),
-        list(large),
-    )  # depths are those of firm ones, not from one to the next
+    walls = list(large)
+    firm = list(large)  # whose depths count, so that they do not creep from one to the next
     for panels in (False, True, False):
         for part in parts:
             if part in walls:

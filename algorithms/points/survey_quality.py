@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
+from algorithms.shared.windows import between
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.report import Column
@@ -217,12 +218,7 @@ def suitable_cell(xyz: Array) -> float:
 
 def within_data(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The cells between the first and last cells with points of their row and of their column."""
-    inside = np.ones_like(there)
-    for axis in (0, 1):
-        ahead = np.maximum.accumulate(there, axis=axis)
-        behind = np.flip(np.maximum.accumulate(np.flip(there, axis), axis=axis), axis)
-        inside &= ahead & behind
-    return inside
+    return between(there, 0) & between(there, 1)
 
 
 def surrounded(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:

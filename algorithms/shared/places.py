@@ -81,10 +81,8 @@ def _in_marked(xy, low, cell, marked):
     """Which points lie in marked cells; `low` is the corner of cell 1, 1."""
     found = np.zeros(len(xy), np.bool_)
     for i in range(len(xy)):
-        a, b = (
-            np.floor((xy[i, 0] - low[0]) / cell) + 1.0,
-            np.floor((xy[i, 1] - low[1]) / cell) + 1.0,
-        )
+        a = np.floor((xy[i, 0] - low[0]) / cell) + 1.0
+        b = np.floor((xy[i, 1] - low[1]) / cell) + 1.0
         if 0.0 <= a < marked.shape[0] and 0.0 <= b < marked.shape[1]:
             found[i] = marked[int(a), int(b)]
     return found

@@ -1,4 +1,4 @@
-"""What lies around the cells of a raster: sums in Gaussian windows, the nearest known cell."""
+"""What lies around the cells of a raster: sums in windows, the nearest known cell, known cells."""
 
 from __future__ import annotations
 
@@ -74,3 +74,16 @@ def filled(values: NDArray[Number], empty: Mask, reach: float) -> NDArray[Number
         return values
     distance, (row, col) = distance_transform_edt(empty, return_indices=True)
     return np.where(distance <= reach, values[..., row, col], values)
+
+
+def between(there: Mask, axis: int) -> Mask:
+    """Which cells hold data, or lie between cells that do along an axis.
+
+    Examples
+    --------
+    >>> between(np.array([[False, True, False, True, False]]), 1)
+    array([[False,  True,  True,  True, False]])
+    """
+    before = np.logical_or.accumulate(there, axis=axis)
+    after = np.flip(np.logical_or.accumulate(np.flip(there, axis), axis=axis), axis)
+    return np.asarray(before & after)

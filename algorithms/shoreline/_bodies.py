@@ -23,6 +23,7 @@ from scipy.sparse.csgraph import connected_components
 
 from algorithms.shared.lowest import blocks, cells_of, lattice_around
 from algorithms.shared.otsu import otsu_threshold
+from algorithms.shared.windows import between
 from algorithms.shoreline import _kernels as kernels
 from algorithms.shoreline._kernels import TAKEN
 from algorithms.shoreline._level import Level, even_blocks, lowest_mode, mode
@@ -248,13 +249,6 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
     )
 
 
-def between(data: Mask, axis: int) -> Mask:
-    """True for cells with data, and for cells between data along an axis."""
-    before = np.logical_or.accumulate(data, axis=axis)
-    after = np.flip(np.logical_or.accumulate(np.flip(data, axis), axis=axis), axis)
-    return np.asarray(before & after)
-
-
 Pool = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted plane
 
 
@@ -402,9 +396,13 @@ class Pour:
         body, lower = self._over(self.floor, starts, level, below, most_lower, tilt)
         if lower <= most_lower or not self.rim.ravel()[body].any():
             return body, lower
-        held = np.where(self.rim, np.float32(np.inf), self.floor)
         inner = starts[~self.rim.ravel()[starts]]
-        return self._over(held, inner, level, below, most_lower, tilt)
+        return self._over(self._held, inner, level, below, most_lower, tilt)
+
+    @cached_property
+    def _held(self) -> Floats:
+        """The floor with a dam around the holes at the edge of the data."""
+        return np.where(self.rim, np.float32(np.inf), self.floor)
 
     def _over(
         self, floor: Floats, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt

@@ -134,9 +134,8 @@ def level_of(
     level = float(heights[near].mean())
     scatter, freedom, apart = _error(xyz[core][near], strips[near])
     error = math.hypot(scatter, _rounding(heights[near], step))
-    freedom = (
-        freedom * (error / scatter) ** 4 if scatter else math.inf
-    )  # what rounding adds is known
+    # What rounding adds is known, and has no degrees of freedom to lose.
+    freedom = freedom * (error / scatter) ** 4 if scatter else math.inf
     if sigma >= MOST_SIGMA * metre:  # rougher than water: banks or islands are among the points
         error, freedom = sigma, math.inf
     own = _levels(heights, strips, near)

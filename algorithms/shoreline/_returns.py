@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class Returns:
     def __len__(self) -> int:
         return len(self.packed)
 
-    @property
+    @cached_property
     def step(self) -> float:
         """What heights are rounded to: the largest step of which all are whole multiples apart."""
         heights = self.packed[:: max(1, len(self) // FOR_STEP), 2].astype(np.int64)

@@ -55,7 +55,8 @@ class Crew:
     ----------
     job : what all passes have in common
     told : takes what steps say in words, and what they did not look at
-    found : numbers of all tiles, None where they have no sum, and results on the whole survey
+    found : results so far, by step.output: numbers, summed over the tiles (None where they have no
+        sum), and numbers and layers of the steps that ran on the whole survey
     counts : sizes of the layers of each step
     done : passes whose tiles were run
     failed : the reason, for each tile that could not be run

@@ -141,7 +141,18 @@ class TilePlan:
 
 
 class _Turns:
-    """Assigns each step to a pass.
+    """Assigns each step to a pass, in the order of the model.
+
+    `models.terrain` as an example, where each of these takes the points of the one before it:
+
+    - "clean" looks 80 m around. Nothing is before it: turn 0, reach 80 m.
+    - "ground" looks 200 m. In turn 0 it would reach 80 + 200 m into the points. Both look farther
+      than APART, so the clean points are stored, and it begins turn 1 with a reach of 200 m.
+    - "bottom", the terrain model, looks 50 m: turn 2, reach 50 m. Were it 5 m, less than APART, it
+      would stay in turn 1 with a reach of 205 m: storing all points costs more than 5 m do.
+
+    "shade" needs the whole raster. It has a turn, but no reach: it runs after the tiles of turn 2,
+    and a local step that used its result would run in turn 3.
 
     Attributes
     ----------

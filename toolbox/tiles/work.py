@@ -177,15 +177,11 @@ def name_of(tile: Tile) -> str:
 
 
 def _gathered(job: TileJob, source: str, tile: Tile, blocks: tuple[FileBlock, ...]) -> PointCloud:
-    """The points of a tile and its neighbourhood; those outside the tile have an origin < 0."""
+    """The points of a tile and its neighbourhood."""
     own = [block for block in blocks if block.source == source]
     bounds = job.grid.bounds(tile, job.halo)
     cloud = tile_store.gather(job.surveys[source], own, bounds, job.grid, job.points)
-    core = job.grid.holds(tile, cloud.xyz[:, :2])
-    origin = cloud.origin
-    assert origin is not None
-    cloud = cloud.with_file(job.surveys[source].file_of(origin))
-    return cloud.with_origin(np.where(core, origin, -1 - origin))
+    return _with_core(job, source, tile, cloud)
 
 
 def _earlier(job: TileJob, tile: Tile, folder: Path, name: str) -> PointCloud | None:
@@ -197,12 +193,24 @@ def _earlier(job: TileJob, tile: Tile, folder: Path, name: str) -> PointCloud | 
         tile / (name + EXACT if (tile / (name + EXACT)).exists() else name) for tile in tiles
     ]
     cloud = tile_store.joined([f for f in folders if f.exists()], job.grid.bounds(tile, job.halo))
-    if cloud is None or cloud.origin is None:
+    if (
+        cloud is None or cloud.origin is None
+    ):  # points that a step made, as tops of trees, have none
         return cloud
-    core = job.grid.holds(tile, cloud.xyz[:, :2])
+    return _with_core(job, job.first, tile, cloud)
+
+
+def _with_core(job: TileJob, source: str, tile: Tile, cloud: PointCloud) -> PointCloud:
+    """The points, marked by the sign of their origin: in the tile, or around it.
+
+    The point k of the survey has the origin k in its tile, and -1 - k (below 0 for all k) in the
+    neighbourhoods of others: what a step says of a point counts in one tile alone.
+    """
     origin = cloud.origin
-    cloud = cloud.with_file(job.surveys[job.first].file_of(origin))
-    return cloud.with_origin(np.where(core, origin, -1 - origin))
+    assert origin is not None
+    inside = job.grid.holds(tile, cloud.xyz[:, :2])
+    cloud = cloud.with_file(job.surveys[source].file_of(origin))
+    return cloud.with_origin(np.where(inside, origin, -1 - origin))
 
 
 def _results(

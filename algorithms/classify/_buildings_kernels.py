@@ -10,7 +10,7 @@ from algorithms.shared.kernels import neighbours as tree
 
 @njit(cache=True, nogil=True)
 def on_planes(begin, end, places, xyz, normal, box, depth, reach, thick, found):
-    """Set `found` for positions near a plane: within `thick` of that of a point within `reach`.
+    """Set `found` for positions near a plane: within its `thick` of that of a point within `reach`.
 
     `xyz`, `box` and `depth` are those of a tree, whose points have planes with the `normal`.
     """
@@ -32,6 +32,6 @@ def on_planes(begin, end, places, xyz, normal, box, depth, reach, thick, found):
             for i in range(tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)):
                 dx, dy, dz = x - xyz[i, 0], y - xyz[i, 1], z - xyz[i, 2]
                 off = dx * normal[i, 0] + dy * normal[i, 1] + dz * normal[i, 2]
-                if dx * dx + dy * dy + dz * dz <= limit and abs(off) <= thick:
+                if dx * dx + dy * dy + dz * dz <= limit and abs(off) <= thick[k]:
                     found[k] = True
                     break

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.classify._flatness import FLAT
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import ReturnNumbers
 from toolbox.context import QUIET, Context, log
@@ -51,7 +52,7 @@ def _spacing(xyz: NDArray[np.float64], metre: float) -> float:
 
 
 class Lengths(NamedTuple):
-    """Lengths that classifiers work with, in the unit of the points but for the last.
+    """Lengths that classifiers work with, in the unit of the points but for `flat`.
 
     Attributes
     ----------
@@ -60,6 +61,7 @@ class Lengths(NamedTuple):
     context : within which features are averaged
     alpha : radius of the disc that rolls around roofs
     flat : metres that points may be from a plane, as standard deviation
+    by_noise : whether they may be farther from it where the noise of the points asks for it
     """
 
     spacing: float
@@ -67,12 +69,13 @@ class Lengths(NamedTuple):
     context: float
     alpha: float
     flat: float
+    by_noise: bool
 
     @classmethod
     def of(
         cls,
         cloud: PointCloud,
-        flat: float,
+        flat: float | None = None,
         radius: float | None = None,
         context: float | None = None,
         alpha: float | None = None,
@@ -100,4 +103,5 @@ class Lengths(NamedTuple):
                 around / metre,
                 disc / metre,
             )
-        return cls(apart * metre, plane, around, disc, flat / metre * wider)
+        metres = FLAT if flat is None else flat / metre
+        return cls(apart * metre, plane, around, disc, metres * wider, flat is None)

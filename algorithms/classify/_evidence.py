@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.classify import _flatness
+from algorithms.classify._flatness import FLAT
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
@@ -32,7 +34,7 @@ from toolbox.errors import DataError, nearest
 FOOT = 0.5  # metres above ground from which points in an outline are building
 GROUND, VEGETATION, BUILDING = 2, 5, 6
 ENOUGH = 4  # points that can tell whether they lie on a plane
-FLAT = 0.06  # metres from a plane (standard deviation) up to which points lie on it
+NOISY = 1.5  # times what points may be from a plane without noise, from which on it is told
 FEW = 0.2  # share of points that may lack neighbours before a warning
 VOXEL = 1.0  # metres, the cells in which points are counted
 LOWEST_ROOF = 1.5  # metres above ground
@@ -59,6 +61,7 @@ class PointFeatures:
     ctx : progress and cancellation
     flat : metres from a plane up to which points lie on it
     ground_classes : classes that are ground; None to look for ground
+    by_noise : whether `flat` is the least, and more where the points on the ground scatter more
     """
 
     cloud: PointCloud
@@ -67,6 +70,7 @@ class PointFeatures:
     ctx: Context = QUIET
     flat: float = FLAT
     ground_classes: tuple[int, ...] | None = None
+    by_noise: bool = False
 
     def feature(self, name: str) -> Floats:
         """One feature of all points, array of shape (n,): one of MADE, or an attribute."""
@@ -147,6 +151,23 @@ class PointFeatures:
         normals = np.column_stack([found["nx"], found["ny"], found["nz"]])
         return _frozen(off_plane[place]), _frozen(normals[place])
 
+    @functools.cached_property
+    def flatness(self) -> Floats:
+        """Metres from a plane up to which points around each point lie on it, shape (n,)."""
+        if not self.by_noise:
+            return np.broadcast_to(np.float64(self.flat), len(self.xyz))
+        scatter, ground, metre = self.planes[0], self.terrain[0], self.cloud.metre
+        found = _flatness.by_noise(self.xyz[:, :2], scatter, ground, self.flat, metre)
+        largest = found.max(initial=self.flat)
+        if largest > NOISY * self.flat:
+            log.warning(
+                "points on the ground scatter so much that points may be up to %.2f m from a "
+                "plane, not %.2g m: trees and hedges are told less surely; `flat` sets it",
+                largest,
+                self.flat,
+            )
+        return found
+
     def _warn_of_few(self, shapeless: Mask) -> None:
         """Log that many points above the ground lack neighbours, array of shape (n,)."""
         above = ~self.terrain[0]
@@ -165,6 +186,8 @@ class PointFeatures:
         Roofs are known by a share ON_PLANES of their points. Where not even the ground has it,
         which is as smooth as they are, no roof can.
         """
+        if self.by_noise:
+            return  # `flat` follows it
         scatter = self.planes[0][self.terrain[0]]
         scatter = scatter[np.isfinite(scatter)]
         if not len(scatter) or np.mean(scatter <= self.flat) >= ON_PLANES:
@@ -196,7 +219,7 @@ class PointFeatures:
         Only points on the same side of the ground count: those on it, or those above it.
         """
         self._warn_of_noise()
-        how = self.radius, self.context, self.flat, self.cloud.metre
+        how = self.radius, self.context, self.flat, self.by_noise, self.cloud.metre
         inputs = self._places, self.terrain[0], self.let_through, *how
         return self.ctx.once("around", inputs, self._around)
 
@@ -204,7 +227,7 @@ class PointFeatures:
         """Means over the points around, see `around`."""
         ground, metre, off_plane = self.terrain[0], self.cloud.metre, self.planes[0]
         values = {
-            "planarity": np.where(off_plane <= self.flat, 1.0, 0.0),
+            "planarity": np.where(off_plane <= self.flatness, 1.0, 0.0),
             "roughness": np.where(np.isnan(off_plane), self.radius / metre, off_plane),
             "returns": self.let_through.astype(np.float64),
         }

@@ -107,9 +107,9 @@ class ClassifyBuildings:
     share of its points that lie on planes, less where ground is seen within; and whether the walls
     were squared.
 
-    `radius`, `context` and `alpha` follow the density of the points unless they are given. Other
-    points keep their class, and become 1 if it was 6. Heights are HeightAboveGround if points have
-    it.
+    `radius`, `context` and `alpha` follow the density of the points unless they are given, and
+    `flat` the noise of points on the ground; much noise is told. Other points keep their class, and
+    become 1 if it was 6. Heights are HeightAboveGround if points have it.
     """
 
     points: PointCloud = source("Points with classified ground")
@@ -130,14 +130,7 @@ class ClassifyBuildings:
         le=1,
         label="Share of points on planes",
     )
-    flat: float = param(
-        "How far from a plane its points may be, as standard deviation",
-        default=_evidence.FLAT,
-        unit="m",
-        gt=0,
-        le=1,
-        label="Flatness of planes",
-    )
+    flat: float | None = parameters.flat_by_noise()
     radius: float | None = parameters.radius_by_density()
     context: float | None = parameters.context_by_density()
     alpha: float | None = param(
@@ -235,6 +228,7 @@ class ClassifyBuildings:
             lengths.context,
             ctx,
             flat=lengths.flat,
+            by_noise=lengths.by_noise,
             ground_classes=self.ground_classes,
         )
         if not features.has_several_returns:
@@ -346,7 +340,7 @@ def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIE
     array of shape (n,)
     """
     off_plane, normal = features.planes
-    own = roof & (off_plane <= features.flat) & np.isfinite(normal).all(axis=1)
+    own = roof & (off_plane <= features.flatness) & np.isfinite(normal).all(axis=1)
     others = np.flatnonzero(roof & ~own)
     found = own.copy()
     if not own.any() or not len(others):
@@ -362,7 +356,7 @@ def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIE
         tree.boxes,
         tree.depth,
         features.radius,
-        THICK * features.flat * features.cloud.metre,
+        THICK * features.flatness[others] * features.cloud.metre,
         near,
         ctx=ctx.part(0.3, 1.0),
     )

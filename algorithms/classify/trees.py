@@ -139,7 +139,7 @@ class ClassifyTrees:
                 f"points: none is of class {self.ground_classes}; classify ground first",
                 instead=self._packed([]),
             )
-        lengths = Lengths.of(cloud, _evidence.FLAT, ctx=ctx)
+        lengths = Lengths.of(cloud, ctx=ctx)
         features = _evidence.PointFeatures(
             cloud, lengths.radius, lengths.context, ctx, ground_classes=self.ground_classes
         )

@@ -86,14 +86,7 @@ class ClassifyUrban:
         le=1,
         label="Share of pulses that go through",
     )
-    flat: float = param(
-        "How far from a plane its points may be, as standard deviation",
-        default=_evidence.FLAT,
-        unit="m",
-        gt=0,
-        le=1,
-        label="Flatness of planes",
-    )
+    flat: float | None = parameters.flat_by_noise()
     radius: float | None = parameters.radius_by_density()
     context: float | None = parameters.context_by_density()
     ignore: ClassList | None = parameters.ignore()
@@ -160,6 +153,7 @@ class ClassifyUrban:
             lengths.context,
             ctx.part(0.0, 0.9),
             flat=lengths.flat,
+            by_noise=lengths.by_noise,
             ground_classes=bare,
         )
         if not features.has_several_returns:

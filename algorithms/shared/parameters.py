@@ -141,6 +141,18 @@ def radius_by_density() -> Any:
     )
 
 
+def flat_by_noise() -> Any:
+    """Declare how far points may be from a plane, if not left open: ``float | None``."""
+    return param(
+        "Standard deviation of points from their plane; without it, by their noise: 0.06 m or more",
+        default=None,
+        unit="m",
+        gt=0,
+        le=1,
+        label="Flatness of planes",
+    )
+
+
 def context_by_density() -> Any:
     """Declare how far features are averaged, if not left open: ``float | None``."""
     return param(

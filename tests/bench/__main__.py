@@ -6,6 +6,7 @@ import itertools
 import sys
 
 from tests.bench.accuracy import accuracy
+from tests.bench.buildings import buildings
 from tests.bench.chains import chains
 from tests.bench.corridor import corridor
 from tests.bench.corridor_presets import corridor_presets
@@ -46,6 +47,7 @@ ALL = (
     speed,
     chains,
     structures,
+    buildings,
     gridding,
     shorelines,
     water_levels,

@@ -146,11 +146,12 @@ def test_spacing_is_that_of_last_returns(density: float, apart: float, metre: fl
 
 def test_lengths_follow_the_density_unless_they_are_given(caplog: pytest.LogCaptureFixture) -> None:
     dense, sparse = (cloud(np.random.default_rng(0).uniform(0, 60, (n, 3))) for n in (28_800, 3600))
-    assert Lengths.of(dense, 0.06)[1:] == (1.0, 3.0, 1.5, 0.06)
+    assert Lengths.of(dense, 0.06)[1:] == (1.0, 3.0, 1.5, 0.06, False)
+    assert Lengths.of(dense)[1:] == (1.0, 3.0, 1.5, 0.06, True)
     with caplog.at_level(logging.INFO, "toolbox"):
-        assert Lengths.of(sparse, 0.06) == pytest.approx((1.0, 1.75, 5.0, 2.25, 0.105))
+        assert Lengths.of(sparse, 0.06) == pytest.approx((1.0, 1.75, 5.0, 2.25, 0.105, False))
     assert "points are some 1.0 m apart: radius 1.8 m, context 5 m, alpha 2.2 m" in caplog.text
-    assert Lengths.of(sparse, 0.06, 1.2, None, 2.0) == (1.0, 1.2, 5.0, 2.0, 0.06)
+    assert Lengths.of(sparse, 0.06, 1.2, None, 2.0) == (1.0, 1.2, 5.0, 2.0, 0.06, False)
 
 
 def test_a_town_of_one_point_per_square_metre_is_mapped() -> None:

@@ -26,9 +26,18 @@ def lowest_means(mean, depth):
     return lowest
 
 
+@njit(cache=True, nogil=True)
+def lowest_around(first_leaf, last_leaf, box, depth, lowest, farthest, around):
+    """Fill in lower bounds of the mean distances of all neighbours of the points of some leaves."""
+    n, held = len(around), np.empty(tree.DEEPEST, np.int64)
+    for leaf in range(first_leaf, last_leaf):
+        start, stop = tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)
+        around[start:stop] = _lowest_in(box, depth, leaf, farthest[start:stop].max(), lowest, held)
+
+
 @helper
-def _lowest_around(box, depth, leaf, reach, lowest, held):
-    """Lower bound of the mean distances of neighbours within `reach` of the points of a leaf."""
+def _lowest_in(box, depth, leaf, reach, lowest, held):
+    """The lowest mean distance in leaves within `reach` of a leaf."""
     own = box[(1 << depth) + leaf]
     held[0], waiting, low = 1, 1, np.inf
     while waiting > 0:
@@ -59,48 +68,71 @@ def _side(xyz, own, near, values, found, plants):
 
 
 @njit(cache=True, nogil=True)
-def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, reach, rule, verdict):
-    """Fill in the verdicts on the points of the leaves first_leaf..last_leaf.
+def judge(first, last, xyz, box, depth, points, around, mean, farthest, k, reach, rule, verdict):
+    """Fill in the verdicts on the points first..last of those that are in doubt.
 
-    `rule` holds the threshold, the least deviation as a share of what is usual, the least number of
-    neighbours, and the height of plants; `k` is the number of neighbours near by and around, see
-    the tool.
+    `mean` and `farthest` hold the distances to the k[0] nearest, NaN where these are still to be
+    found. `around` has two rows: a number below the mean distances of all points within a distance,
+    and that distance. `rule` holds the threshold, the least deviation as a share of what is usual,
+    the least number of neighbours, and the height of plants; `k` is the number of neighbours that
+    means are of, of those near by, and of those around, see the tool.
     """
-    n = len(xyz)
     threshold, share, fewest, plants = rule
-    few, few_far = np.empty(k[0], np.int64), np.empty(k[0])
-    near, far, values = np.empty(k[1], np.int64), np.empty(k[1]), np.empty(k[1])
+    to_far, few, few_far = np.empty(k[0]), np.empty(k[1], np.int64), np.empty(k[1])
+    near, far, values = np.empty(k[2], np.int64), np.empty(k[2]), np.empty(k[2])
     held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
-    for leaf in range(first_leaf, last_leaf):
-        start, stop = tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)
-        widest = 0.0
-        for own in range(start, stop):
-            widest = max(widest, farthest[own])
-        low = _lowest_around(box, depth, leaf, widest, lowest, held)
-        for own in range(start, stop):
-            # No point is noise below this; for most the lowest value around them decides.
-            least = mean[own] / (1.0 + threshold * share)
-            if farthest[own] < reach and least <= low:
-                continue
-            found = tree.nearest(xyz, box, depth, leaf, own, reach, few, few_far, held, held_away)
-            for j in range(found):
-                values[j] = mean[few[j]]
-            near_by = median(values[:found]) if found > 0 else 0.0
-            if farthest[own] < reach and least <= near_by:
-                continue
-            found = tree.nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away)
-            if found < fewest:
-                verdict[own] = ISOLATED
-                continue
-            for j in range(found):
-                values[j] = mean[near[j]]
-            middle = median(values[:found])
-            for j in range(found):
-                values[j] = abs(mean[near[j]] - middle)
-            usual = max(middle, near_by)
-            deviation = max(MAD * median(values[:found]), share * usual)
-            if mean[own] - usual > threshold * deviation:
-                verdict[own] = _side(xyz, own, near, values, found, plants)
+    search = xyz, box, depth, reach, to_far, held, held_away
+    for i in range(first, last):
+        own = points[i]
+        leaf = tree.leaf_of(own, depth, len(xyz))
+        before = points[i - 1] if i > first else own
+        fresh = np.isnan(mean[own])
+        # No point is noise below this; for most the lowest value around them decides.
+        least = _mean(own, before, search, mean, farthest) / (1.0 + threshold * share)
+        beyond = farthest[own] >= reach
+        reached = np.sqrt(to_far[k[0] - k[1]]) if fresh else farthest[own]
+        if not beyond and reached <= around[1, i] and least <= around[0, i]:
+            continue
+        # The mean distance of a neighbour differs from that of the point by no more than what is
+        # between them.
+        if fresh and not beyond and least <= mean[own] - np.sqrt(to_far[k[0] - k[1] // 2 - 1]):
+            continue
+        found = tree.nearest(xyz, box, depth, leaf, own, reach, few, few_far, held, held_away)
+        for j in range(found):
+            values[j] = _mean(few[j], own, search, mean, farthest)
+        near_by = median(values[:found]) if found > 0 else 0.0
+        if not beyond and least <= near_by:
+            continue
+        found = tree.nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away)
+        if found < fewest:
+            verdict[own] = ISOLATED
+            continue
+        for j in range(found):
+            values[j] = _mean(near[j], own, search, mean, farthest)
+        middle = median(values[:found])
+        for j in range(found):
+            values[j] = abs(mean[near[j]] - middle)
+        usual = max(middle, near_by)
+        deviation = max(MAD * median(values[:found]), share * usual)
+        if mean[own] - usual > threshold * deviation:
+            verdict[own] = _side(xyz, own, near, values, found, plants)
+
+
+@helper
+def _mean(own, other, search, mean, farthest):
+    """Mean distance of a point to its nearest, found when it is first asked for.
+
+    The farthest of these is kept as well. `other` is a point near by whose mean may be known.
+    Two threads that need the mean of one point find the same.
+    """
+    if np.isnan(mean[own]):
+        xyz, box, depth, reach, far, held, held_away = search
+        known = -1 if other == own or np.isnan(mean[other]) else other
+        leaf = tree.leaf_of(own, depth, len(xyz))
+        mean[own], farthest[own] = tree.mean_distance(
+            xyz, box, depth, leaf, own, known, farthest, reach, far, held, held_away
+        )
+    return mean[own]
 
 
 @njit(cache=True, nogil=True)
@@ -111,6 +143,6 @@ def sides(first, last, xyz, box, depth, noise, k, verdict):
     held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
     for i in range(first, last):
         own = noise[i]
-        leaf = (((own + 1) << depth) - 1) // n  # the last that begins at or before the point
+        leaf = tree.leaf_of(own, depth, n)
         found = tree.nearest(xyz, box, depth, leaf, own, np.inf, near, far, held, held_away)
         verdict[own] = _side(xyz, own, near, values, found, 0.0)

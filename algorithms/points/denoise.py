@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.points import _denoise_kernels as kernels
+from algorithms.points._noise_bounds import lowest_around
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from algorithms.shared.kernels.threads import side_by_side
@@ -40,6 +41,8 @@ SPARE = 2.0  # times the distance in which half of the points have their neighbo
 # as many
 MOSTLY = 98  # percent of the points that have their neighbours within a suitable reach
 NEARER, WIDER = 4, 4  # what is usual: for a fourth of the neighbours, and for four times as many
+SEARCHED = 0.5  # of the points: where more are in doubt, means of all are found faster one by one
+PER_SEARCH = 100  # nodes of the tree that a search may look at
 MOST_CELLS = 1 << 31  # along an axis
 STRIDE = 2 * MOST_CELLS  # from the number of a cell to that of the next in its row
 WINDOW = np.array([i * STRIDE + j for i in (-1, 0, 1) for j in (-1, 0, 1)])  # around a cell
@@ -274,26 +277,50 @@ def _beside_neighbours(
     tree: PointTree, k: int, reach: float, rule: tuple[float, float, int, float], ctx: Context
 ) -> Verdicts:
     """Verdicts, in the order of the tree: mean distances compared with those of the neighbours."""
-    mean, farthest = tree.mean_distances(k, max_distance=reach, ctx=ctx.part(0.0, 0.8))
-    lowest = kernels.lowest_means(mean, tree.depth)
-    counts = (max(1, k // NEARER), k * WIDER)
-    verdict = np.zeros(len(mean), np.uint8)
+    n, ratio = len(tree.xyz), 1.0 + rule[0] * rule[1]
+    around = lowest_around(tree, k, reach, ratio, ctx.part(0.0, 0.2))
+    mean, farthest = np.full(n, np.nan), np.full(n, reach)
+    points = np.flatnonzero(np.isfinite(around[0]))
+    if len(points) > SEARCHED * n:
+        around, mean, farthest = _all_means(tree, k, reach, ctx.part(0.2, 0.8))
+        points = np.arange(n)
+    verdict = np.zeros(n, np.uint8)
     side_by_side(
         kernels.judge,
-        tree.leaves,
+        blocks(len(points), PER_SEARCH),
         tree.xyz,
         tree.boxes,
         tree.depth,
+        points,
+        np.ascontiguousarray(around[:, points], np.float64),
         mean,
         farthest,
-        lowest,
-        counts,
+        (k, max(1, k // NEARER), k * WIDER),
         reach,
         rule,
         verdict,
         ctx=ctx.part(0.8, 1.0),
     )
     return verdict
+
+
+def _all_means(
+    tree: PointTree, k: int, reach: float, ctx: Context
+) -> tuple[Floats, Floats, Floats]:
+    """Lowest mean distance around each point, and each one's own mean and largest distance."""
+    mean, farthest = tree.mean_distances(k, max_distance=reach, ctx=ctx.part(0.0, 0.9))
+    lowest, around = kernels.lowest_means(mean, tree.depth), np.full((2, len(mean)), np.inf)
+    side_by_side(
+        kernels.lowest_around,
+        tree.leaves,
+        tree.boxes,
+        tree.depth,
+        lowest,
+        farthest,
+        around[0],
+        ctx=ctx.part(0.9, 1.0),
+    )
+    return around, mean, farthest
 
 
 def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Context) -> Verdicts:

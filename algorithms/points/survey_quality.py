@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
@@ -25,6 +24,9 @@ from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -244,6 +246,8 @@ def flat_means(place: Ints, strip: Ints, z: Array, largest: float) -> pd.DataFra
     z : array of shape (n,)
     largest : difference of heights within a strip and cell that counts as flat
     """
+    import pandas as pd
+
     groups = pd.DataFrame({"place": place, "strip": strip, "z": z}).groupby(["place", "strip"])["z"]
     found = groups.agg(["count", "mean", "min", "max"]).reset_index()
     flat = (found["max"] - found["min"] <= largest) & (found["count"] >= FEWEST)
@@ -256,6 +260,8 @@ def compared(means: pd.DataFrame, metre: float) -> tuple[pd.Series[float], pd.Da
     The attribute "rms" of the table is that of all differences, in the unit of the heights; None
     without any.
     """
+    import pandas as pd
+
     both = means.merge(means, on="place", suffixes=("_1", "_2"))
     both = both[both["strip_1"] < both["strip_2"]]
     both["difference"] = both["mean_2"] - both["mean_1"]

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from toolbox.context import log
 from toolbox.data import PointCloud
@@ -127,6 +126,8 @@ def let_through(cloud: PointCloud) -> Mask:
     last = found.known & (found.number == found.count)
     if not last.any():
         return before
+    from scipy.spatial import cKDTree  # of which most clouds have no need
+
     some = np.flatnonzero(before)
     tree = cKDTree(cloud.xyz[last])
     reach = SAME_PLACE * cloud.metre

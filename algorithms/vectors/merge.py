@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import geopandas
 import numpy as np
-import pandas as pd
-import shapely
 
 from toolbox.context import QUIET, Context
 from toolbox.data import Vector
 from toolbox.declare import outputs, param, sink, source, tool
+
+if TYPE_CHECKING:
+    import geopandas
 
 
 @tool("vectors.merge", title="Merge features", tags=("merge", "join", "append", "combine", "union"))
@@ -62,6 +63,8 @@ class VectorsMerge:
 
     def run(self, ctx: Context = QUIET) -> VectorsMerge.Outputs:
         """Join them."""
+        import pandas as pd
+
         ctx.progress(0.0)
         frames = []
         for name, layer in zip(self._named(), self.layers, strict=True):
@@ -93,6 +96,9 @@ def labels_of(
     frame : features with an attribute `layer`
     height : of the texts, in the unit of the coordinates
     """
+    import geopandas
+    import shapely
+
     shapes = frame.geometry.to_numpy()
     kinds = shapely.get_dimensions(shapes)
     along = shapely.line_interpolate_point(np.where(kinds == 1, shapes, None), 0.5, normalized=True)

@@ -21,6 +21,12 @@ def first(node, level, n):
     return (node * n) >> level
 
 
+@helper
+def leaf_of(own, depth, n):
+    """The leaf of a point: the last that begins at or before it."""
+    return (((own + 1) << depth) - 1) // n
+
+
 # Building ----------------------------------------------------------------------------------
 
 
@@ -183,25 +189,36 @@ def mean_distances(first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farth
     """
     n = len(xyz)
     far, held, held_away = np.empty(k), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
-    unseen = held[:0], far[:0]
     for leaf in range(first_leaf, last_leaf):
         start = first(leaf, depth, n)
         for own in range(start, first(leaf + 1, depth, n)):
-            bound = reach
-            if own > start:  # what is near the point before cannot be far from this one
-                step = 0.0
-                for a in range(3):
-                    step += (xyz[own, a] - xyz[own - 1, a]) ** 2
-                bound = min(reach, (farthest[own - 1] + np.sqrt(step)) * (1.0 + ROUNDING))
-            if bound == 0.0:  # no distance is below zero, so more points than k share this place
-                mean[own] = farthest[own] = 0.0
-                continue
-            far[:] = bound * bound
-            search(xyz, box, depth, leaf, own, far, held, held_away, *unseen)
-            total = 0.0
-            for j in range(k):
-                total += np.sqrt(far[j])
-            mean[own], farthest[own] = total / k, np.sqrt(far[0])
+            known = own - 1 if own > start else -1
+            mean[own], farthest[own] = mean_distance(
+                xyz, box, depth, leaf, own, known, farthest, reach, far, held, held_away
+            )
+
+
+@helper
+def mean_distance(xyz, box, depth, leaf, own, known, farthest, reach, far, held, held_away):
+    """Mean and largest distance of a point to its nearest, as many as `far` holds the squares of.
+
+    A neighbour that is missing within `reach` counts as being that far away. `known` is a point
+    near by whose largest distance is known, -1 if there is none.
+    """
+    bound = reach
+    if known >= 0:  # what is near that point cannot be far from this one
+        step = 0.0
+        for a in range(3):
+            step += (xyz[own, a] - xyz[known, a]) ** 2
+        bound = min(reach, (farthest[known] + np.sqrt(step)) * (1.0 + ROUNDING))
+    far[:] = bound * bound
+    if bound == 0.0:  # no distance is below zero, so more points than k share this place
+        return 0.0, 0.0
+    search(xyz, box, depth, leaf, own, far, held, held_away, held[:0], far[:0])
+    total = 0.0
+    for j in range(len(far)):
+        total += np.sqrt(far[j])
+    return total / len(far), np.sqrt(far[0])
 
 
 # Neighbours --------------------------------------------------------------------------------

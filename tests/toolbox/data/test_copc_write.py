@@ -255,3 +255,22 @@ def test_real_data(data: Callable[[str], Path], tmp_path: Path) -> None:
         np.testing.assert_array_equal(ours, theirs, err_msg=name)
     with laspy.CopcReader.open(str(tmp_path / "a.copc.laz")) as reader:
         assert len(reader.query()) == len(before)
+
+
+def test_a_point_stands_at_the_first_level_that_shows_it() -> None:
+    """Against the definition: at a level each cell shows its point of lowest priority."""
+    rng = np.random.default_rng(5)
+    cube = octree.Cube(np.zeros(3), 1.0, 6)
+    spots = rng.uniform(0, 1, (3, 40))  # dense spots of all sizes
+    axes = np.clip(spots[:, rng.integers(0, 40, 5000)] + rng.normal(0, 0.01, (3, 5000)), 0, 0.999)
+    axes[:, 4000:] = axes[:, :1000]  # points at one place
+    codes = np.sort(cube.codes(axes))
+    priority = rng.permutation(5000).astype(np.uint64)
+    wanted = np.full(5000, cube.depth)
+    for level in range(cube.depth - 1, -1, -1):
+        cells = codes >> np.uint64(3 * (cube.depth - level))
+        for cell in np.unique(cells):
+            members = np.flatnonzero(cells == cell)
+            wanted[members[np.argmin(priority[members])]] = level
+    found = octree.levels_of(codes, priority, cube)
+    np.testing.assert_array_equal(found, wanted)

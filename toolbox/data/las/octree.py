@@ -161,23 +161,46 @@ def levels_of(codes: Codes, priority: Codes, cube: Cube) -> Levels:
     codes : sorted
     """
     levels = np.zeros(len(codes), np.uint8)
+    together = _last_level_together(codes, cube)
     shown, stays, left = np.arange(len(codes)), np.ones(len(codes), bool), len(codes)
     for level in range(cube.depth - 1, -1, -1):
-        lost = _not_lowest(codes >> np.uint64(3 * (cube.depth - level)), priority)
+        lost = _not_lowest(together >= level, priority)
         lost = lost[stays[lost]]
         levels[shown[lost]] = level + 1
         stays[lost] = False
         left -= len(lost)
-        if left < _CROWDED * len(codes):  # those that are out harm nothing but take time
-            codes, priority, shown = codes[stays], priority[stays], shown[stays]
+        if left < _CROWDED * len(stays):  # those that are out harm nothing but take time
+            kept = np.flatnonzero(stays)
+            # two that follow each other now were parted where any between them were
+            together = np.minimum.reduceat(together, np.r_[0, kept[:-1] + 1])
+            priority, shown = priority[kept], shown[kept]
             stays = np.ones(left, bool)
     return levels
 
 
-def _not_lowest(groups: Codes, rank: Codes) -> NDArray[np.intp]:
-    """Indices of all but the lowest of each group; groups are sorted, no two ranks are equal."""
-    as_before = np.zeros(len(groups), bool)
-    np.equal(groups[1:], groups[:-1], out=as_before[1:])
+def _last_level_together(codes: Codes, cube: Cube) -> NDArray[np.int8]:
+    """The last level at which each point shares its cell with the one before it, -1 for none.
+
+    Parameters
+    ----------
+    codes : sorted, at least one
+    """
+    found = np.full(len(codes), -1, np.int8)
+    for start in range(1, len(codes), _BLOCK):
+        part = codes[start : start + _BLOCK]
+        differ = part ^ codes[start - 1 : start - 1 + len(part)]
+        bits = np.frexp(differ.astype(np.float64))[1]  # exact to 53, and a cell has 3 * depth
+        found[start : start + len(part)] = np.maximum(cube.depth - (bits + 2) // 3, -1)
+    return found
+
+
+def _not_lowest(as_before: NDArray[np.bool_], rank: Codes) -> NDArray[np.intp]:
+    """Indices of all but the lowest of each group; no two ranks are equal.
+
+    Parameters
+    ----------
+    as_before : whether each is of the group of the one before it
+    """
     several = as_before.copy()  # whether a group has another one
     several[:-1] |= as_before[1:]
     among = np.flatnonzero(several)

@@ -20,7 +20,7 @@ from toolbox.language import FOLDER
 
 CODE = Path(__file__).parent
 # what a translation must hold as it is: `names`, {places}, %s, --options, ids of tools
-KEPT = re.compile(r"`[^`]+`|\{[^}]*\}|%[sd]|--[a-z][\w-]*|\b[a-z]+\.[a-z_]+\b(?!\.)")
+KEPT = re.compile(r"``[^`]+``|`[^`]+`|\{[^}]*\}|%[sd]|--[a-z][\w-]*|\b[a-z]+\.[a-z_]+\b(?!\.)")
 
 
 def of_tools() -> list[str]:
@@ -76,7 +76,11 @@ def update(path: Path, texts: Iterable[str], code: str) -> polib.POFile:
 
 def wrong(entry: polib.POEntry) -> set[str]:
     """Names and places that a translation lacks, or has too many."""
-    return set(KEPT.findall(entry.msgid)) ^ set(KEPT.findall(entry.msgstr))
+    return _kept(entry.msgid) ^ _kept(entry.msgstr)
+
+
+def _kept(text: str) -> set[str]:
+    return {" ".join(word.split()) for word in KEPT.findall(text)}
 
 
 def main() -> None:

@@ -23,7 +23,8 @@ WIDTH, QUALITY = 720, 50  # of a picture: enough to see what it is, some 30 kB
 HEAD = """# Gallery
 
 What each tool makes of its example, which is on its page. `make gallery` runs all examples
-and draws these pictures.
+and draws these pictures. Tools that write nothing but tables or an index of files have none, nor
+have those that need an image or waveforms, which no sample survey has.
 """
 
 
@@ -37,8 +38,9 @@ def run_all(drawn: set[str]) -> None:
             picture = Path("picture.png")
             wanted = number == 0 and id in drawn
             toolbox.run(id, given | ({"picture": str(picture)} if wanted else {}), overwrite=True)
-            if wanted:
+            if wanted and picture.exists():  # a table alone is not drawn, with a warning
                 shrink(picture, PICTURES / f"{id}.webp")
+                picture.unlink()
 
 
 def shrink(picture: Path, to: Path) -> None:

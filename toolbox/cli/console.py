@@ -17,6 +17,7 @@ from toolbox.errors import DataError, ToolboxError
 from toolbox.json_text import json_text
 
 _COLOURS = {"warning": "33", "error": "1;31"}  # yellow, bold red
+_MOST_ROWS = 30  # of a table that are printed, about a screen
 _BAR = 60  # characters of the progress bar with its time
 LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEBUG}
 
@@ -93,7 +94,9 @@ class Console:
             from toolbox.cli.tables import fitted
 
             print(f"{name}:")
-            print(fitted(value.frame, shutil.get_terminal_size().columns))
+            print(fitted(value.frame.head(_MOST_ROWS), shutil.get_terminal_size().columns))
+            if (more := len(value.frame) - _MOST_ROWS) > 0:
+                print(f"... {more} more rows (all: --{name} PATH)")
         elif hasattr(value, "save"):
             print(f"{name}: {_kind(value)}, not saved (--{name} PATH)")
         elif isinstance(value, float):

@@ -27,6 +27,7 @@ _FEW = 500  # features that have room for large dots
 _LINE, _SHADOW = "#1f3a5f", "#9a9a9a"
 WIDTH = 4.4  # inches of a map
 _FLATTEST, _TALLEST = 0.25, 1.6  # height of a map to its width
+_TICK_TEXT = 0.5  # inches that a coordinate of nine digits takes
 _LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for its texts
 
 
@@ -81,7 +82,7 @@ class Panel:
         west, south, east, north = self.bounds
         axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
         axes.set_title(self.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
-        _show_ticks(axes)
+        _show_ticks(axes, self)
         if length_problem(self.crs) is None:
             _show_scale(axes, self)
 
@@ -205,9 +206,13 @@ def _key_columns(classes: Looks) -> int:
 # Ticks and scale ---------------------------------------------------------------------------
 
 
-def _show_ticks(axes: Axes) -> None:
-    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        ticks = _round_ticks(low, high)
+def _show_ticks(axes: Axes, panel: Panel) -> None:
+    west, south, east, north = panel.bounds
+    for axis, low, high, inches in (
+        (axes.xaxis, west, east, WIDTH),
+        (axes.yaxis, south, north, panel.height),
+    ):
+        ticks = _round_ticks(low, high, inches)
         axis.set_ticks(ticks, [f"{tick:,.10g}" for tick in ticks])
     axes.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
     for label in axes.get_yticklabels():
@@ -241,9 +246,17 @@ def _show_scale(axes: Axes, panel: Panel) -> None:
     )
 
 
-def _round_ticks(low: float, high: float) -> list[float]:
-    """Two to five round numbers between limits, away from the corners, where texts would meet."""
+def _round_ticks(low: float, high: float, inches: float) -> list[float]:
+    """At most five round numbers between limits, away from each other and from the corners.
+
+    Examples
+    --------
+    >>> _round_ticks(0, 100, 3.0), _round_ticks(0, 100, 1.1)
+    ([20.0, 40.0, 60.0, 80.0], [50.0])
+    """
     step = round_length((high - low) / 2.5)
+    while step * inches < _TICK_TEXT * (high - low):
+        step = round_length(2.5 * step)
     first, last = math.ceil(low / step), math.floor(high / step)
     margin = 0.07 * (high - low)
     ticks = [count * step for count in range(first, last + 1)]

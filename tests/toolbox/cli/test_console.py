@@ -15,6 +15,7 @@ import pytest
 from toolbox.cli.console import Console
 from toolbox.cli.tables import fitted
 from toolbox.context import log
+from toolbox.data import Table
 
 WIDTH = 60
 
@@ -105,3 +106,12 @@ def test_a_wide_row_is_shown_upright() -> None:
 def test_a_table_that_fits_stays_in_one_piece() -> None:
     frame = pd.DataFrame({"level": [1.5, 2.5], "area": [10, 200]})
     assert fitted(frame, WIDTH).splitlines() == ["level  area", "  1.5    10", "  2.5   200"]
+
+
+def test_a_long_table_is_cut_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table(pd.DataFrame({"row": range(33)}))
+    Console().result({"id": "a.b", "outputs": {}}, {"histogram": table})
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-2:] == [" 29", "... 3 more rows (all: --histogram PATH)"]
+    Console(as_json=True).result({"id": "a.b", "outputs": {}}, {"histogram": table})
+    assert '"row": 32' in capsys.readouterr().out

@@ -49,7 +49,7 @@ def lowest_around(
     if (shape + 1).prod() > MOST_CELLS * len(xyz):
         return np.zeros((2, len(xyz)), np.float32)
     columns, rows = (math.floor(extent) + 1 for extent in shape)
-    placed, order, edges = kernels.sort_into_cells(xyz, *low, cell, columns, rows)
+    placed, order, edges = kernels.sort_into_cells(xyz, low[0], low[1], cell, columns, rows)
     ctx.progress(0.3)
     upper, least = np.empty(len(xyz), np.float32), np.empty(len(edges) - 1, np.float32)
     wide = np.zeros(len(least), np.uint8)
@@ -68,7 +68,7 @@ def lowest_around(
         ctx=ctx.part(0.4, 0.9),
     )
     around = np.empty((2, len(xyz)), np.float32)
-    kernels.doubtful(order, edges, columns, cell, ratio, upper, least, wide, *around)
+    kernels.doubtful(order, edges, columns, cell, ratio, upper, least, wide, around[0], around[1])
     return around
 
 

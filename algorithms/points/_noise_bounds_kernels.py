@@ -5,20 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, rough_sums
 
 WIDEST = 3  # cells on each side of a window: where points are nine times as sparse as usual
 MOST = 25  # times k points in a window; the sums of more would take longer than a search
 ROUNDING = 1e-6  # of a coordinate in single precision; and of distances, a thousand times as much
-
-# Sums and counts in single precision, in any order, several at once. What rounding may do to them
-# is taken off the bounds.
-_rough_sums = njit(
-    nogil=True,
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    fastmath={"reassoc", "nsz", "contract"},
-)
 
 
 @njit(cache=True, nogil=True)
@@ -129,7 +120,7 @@ def _bounds(near, count, own, step, k, reach):
     return max(under - slack, 0.0), over + slack
 
 
-@_rough_sums
+@rough_sums
 def _sums(near, count, x, y, z, half, step, twice):
     """Sums of what distances are below three limits, and the counts within the last two."""
     nought = np.float32(0.0)

@@ -278,7 +278,7 @@ def _beside_neighbours(
 ) -> Verdicts:
     """Verdicts, in the order of the tree: mean distances compared with those of the neighbours."""
     n, ratio = len(tree.xyz), 1.0 + rule[0] * rule[1]
-    around = lowest_around(tree, k, reach, ratio, ctx.part(0.0, 0.2))
+    around: NDArray[Any] = lowest_around(tree, k, reach, ratio, ctx.part(0.0, 0.2))
     mean, farthest = np.full(n, np.nan), np.full(n, reach)
     points = np.flatnonzero(np.isfinite(around[0]))
     if len(points) > SEARCHED * n:

@@ -18,3 +18,12 @@ exact_sums = njit(  # type: ignore[call-overload]
     no_cfunc_wrapper=True,
     fastmath={"reassoc", "nsz"},
 )
+
+# A helper whose sums are made in any order, several at once, and rounded accordingly: what comes of
+# them must not depend on it.
+rough_sums = njit(  # type: ignore[call-overload]
+    nogil=True,
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    fastmath={"reassoc", "nsz", "contract"},
+)

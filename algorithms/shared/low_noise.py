@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.kernels.squares import numbered
+
 SQUARE = 4.0  # metres: so far from a point its like are looked for, beyond its own square
 SLICE, BAND = 0.5, 3  # metres of height, finer leaves less noise; slices of a band: 1.5 m
 SHARE = 0.2  # of the points of a square that a surface has; crowns and steep slopes have fewer
@@ -66,14 +68,7 @@ def _numbered(xyz: Floats, metre: float) -> tuple[Ints, int, int]:
     And how far the numbers of rows and those of squares are apart. An empty slice lies between two
     squares and an empty square between two rows, so that what is next to a number is beside it.
     """
-    own = np.floor(xyz[:, 1] / (SQUARE * metre)).astype(np.int64)
-    own -= own.min() - 1
-    east = np.floor(xyz[:, 0] / (SQUARE * metre)).astype(np.int64)
-    east -= east.min() - 1
-    cols = int(east.max()) + 2
-    own *= cols
-    own += east
-    del east  # one array of all points less
+    own, cols = numbered(xyz, SQUARE * metre, 1)
     levels = np.floor(xyz[:, 2] / (SLICE * metre))
     middle = np.median(levels)
     np.clip(levels, middle - DEEPEST, middle + DEEPEST, out=levels)
@@ -81,7 +76,7 @@ def _numbered(xyz: Floats, metre: float) -> tuple[Ints, int, int]:
     span = int(levels.max()) + 2
     own *= span
     own += levels.astype(np.int64)
-    return own, cols * span, span
+    return own, int(cols) * span, span
 
 
 def _densest_above(keys: Ints, counts: Ints, span: int) -> Ints:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.kernels.squares import numbered
 from toolbox.context import log
 
 FEW = 9  # points: with fewer, none has another one in each of eight directions
@@ -186,7 +187,5 @@ def _cells(xyz: Floats, size: float) -> tuple[NDArray[np.int64], int]:
     """Number of the cell of each point, row by row, and how far apart rows are."""
     if not len(xyz):
         return np.zeros(0, np.int64), 1
-    at = np.floor(xyz[:, :2] / size).astype(np.int64)
-    at -= at.min(axis=0)
-    cols = int(at[:, 0].max()) + 2  # with a gap, so that the last of a row has no neighbour
-    return at[:, 1] * cols + at[:, 0], cols
+    numbers, cols = numbered(xyz, size, 0)
+    return numbers, int(cols)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from algorithms.shared.kernels.squares import shared_by_two
 from algorithms.shared.windows import window_sums
 
 BLOCK = 8  # metres, of the blocks for which this is learned
@@ -107,15 +108,12 @@ def histograms(above: Floats, blocks: Ints, shape: tuple[int, ...]) -> Floats:
     array([0., 1., 1., 0.])
     """
     classes = round(2 * REACH / BIN)
-    place = (above + REACH) / BIN - 0.5  # a point between the middles of two classes is of both
-    with np.errstate(invalid="ignore"):
-        there = (place > 0) & (place < classes - 1)
-    lower = place[there].astype(np.int64)
-    upper = place[there] - lower
-    index, size = blocks[there] * classes + lower, math.prod(shape) * classes
-    counts = np.bincount(index, 1 - upper, size) + np.bincount(index + 1, upper, size)
+    lower, upper = np.zeros((2, math.prod(shape), classes))
+    # a point between the middles of two classes is of both
+    shared_by_two(above, blocks, REACH, BIN, lower, upper)
+    lower += upper
     wide = AROUND / BLOCK
     mean: Floats = gaussian_filter(
-        counts.reshape(*shape, classes), (wide, wide, 0), mode="constant", truncate=3
+        lower.reshape(*shape, classes), (wide, wide, 0), mode="constant", truncate=3
     )
     return mean * (math.tau * wide * wide)

@@ -1,0 +1,49 @@
+"""Compiled loops over points in squares: their numbers, and what is counted in them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from algorithms.shared.kernels.compiling import helper
+
+
+@njit(cache=True, nogil=True)
+def numbered(xyz, size, margin):
+    """Number of the square of each point, row by row, and how far apart rows are.
+
+    Before the first row and column there are `margin` empty ones, and a row ends in an empty
+    square at least, so that the last of a row is beside none of the next.
+    """
+    west, east, south = np.inf, -np.inf, np.inf
+    for i in range(len(xyz)):
+        west, east, south = min(west, xyz[i, 0]), max(east, xyz[i, 0]), min(south, xyz[i, 1])
+    first, bottom = _whole(west, size) - margin, _whole(south, size) - margin
+    cols = _whole(east, size) - first + 2
+    found = np.empty(len(xyz), np.int64)
+    for i in range(len(xyz)):
+        row, col = _whole(xyz[i, 1], size) - bottom, _whole(xyz[i, 0], size) - first
+        found[i] = row * cols + col
+    return found, cols
+
+
+@helper
+def _whole(value, size):
+    """Number of the strip of a coordinate."""
+    return int(np.floor(value / size))
+
+
+@njit(cache=True, nogil=True)
+def shared_by_two(above, blocks, reach, width, lower, upper):
+    """Add each height to the classes of its block whose middles are below and above it.
+
+    Classes are `width` wide and begin at -`reach`. `lower` takes the shares of those below,
+    `upper` of those above, shape (blocks, classes), as sums depend on their order.
+    """
+    for i in range(len(above)):
+        place = (above[i] + reach) / width - 0.5
+        if 0.0 < place < lower.shape[1] - 1:
+            k = int(place)
+            part = place - k
+            lower[blocks[i], k] += 1.0 - part
+            upper[blocks[i], k + 1] += part

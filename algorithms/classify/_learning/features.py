@@ -114,21 +114,21 @@ def described(
     DataError
         The points extend over too many voxels.
     """
-    made = np.empty((len(cloud), len(names)), np.float32)
+    made = np.empty((len(names), len(cloud)), np.float32)  # each is written and rounded in a row
     metre = cloud.metre
     single = PointFeatures(cloud, PLANE_RADIUS * metre, CONTEXT * metre, ctx.part(0.0, 0.5))
     for k, name in enumerate(names):
         if split(name)[1] is None:
-            made[:, k] = single.feature(name)
+            made[k] = single.feature(name)
     measured = _measured(cloud, single, {split(name)[0] for name in names if "@" in name})
     radii = sorted({radius for name in names if (radius := split(name)[1]) is not None})
     for done, radius in enumerate(radii):
         part = ctx.part(0.5 + 0.5 * done / len(radii), 0.5 + 0.5 * (done + 1) / len(radii))
         wanted = [(k, split(name)[0]) for k, name in enumerate(names) if split(name)[1] == radius]
         for k, values in _of_radius(measured, radius, wanted, part):
-            made[:, k] = values
+            made[k] = values
     ctx.progress(1.0)
-    return np.round(made, DIGITS)
+    return np.ascontiguousarray(np.round(made, DIGITS, out=made).T)
 
 
 def _measured(cloud: PointCloud, single: PointFeatures, bases: set[str]) -> Measured:

@@ -23,6 +23,7 @@ from toolbox.errors import DataError, NothingToDo
 UNKNOWN = 1  # class of points of which the model is not sure enough
 MILLION = 1_000_000  # steps in which probabilities are summed up, so that sums are exact
 DENSITIES = 4.0  # times denser or sparser than in training
+MOST = 0.5  # share of points beyond the training above which one class everywhere is no answer
 
 
 @tool(
@@ -146,6 +147,7 @@ class ClassifyApply:
             log.warning(text, len(strange), len(rows), ", ".join(strange[:3]))
         outside = np.zeros(count, bool)
         outside[part] = drift.beyond(made, data)
+        _tell_of_void(made, data[own], given[own], outside[part][own])
         added: dict[str, NDArray[Any]] = {
             "classification": classes,
             "probability": probability,
@@ -160,4 +162,28 @@ class ClassifyApply:
                 int(np.rint(best[own] * MILLION).sum()), MILLION * int(np.count_nonzero(own))
             ),
             unknown=int(np.count_nonzero(unknown & cloud.core)),
+        )
+
+
+def _tell_of_void(
+    made: Trained, data: NDArray[np.float32], given: NDArray[Any], outside: NDArray[np.bool_]
+) -> None:
+    """Warn where the probabilities, and so what is expected, say nothing of these points.
+
+    Parameters
+    ----------
+    data, given, outside : features and class of the points, and whether one is beyond the training
+    """
+    if not outside.any():
+        return
+    for name, value in drift.stuck(made, data):
+        log.warning(
+            "%s is %g in all points, beyond all of the training: it tells nothing", name, value
+        )
+    if outside.mean() > MOST and (given == given[0]).all():
+        log.warning(
+            "all points become class %d, while %.0f %% of them have a feature beyond all of the "
+            "training: their probabilities, and what is expected of them, say nothing",
+            given[0],
+            100 * outside.mean(),
         )

@@ -58,6 +58,7 @@ class Crew:
     found : results so far, by step.output: numbers, summed over the tiles (None where they have no
         sum), and numbers and layers of the steps that ran on the whole survey
     counts : sizes of the layers of each step
+    empty : why steps had nothing to do in some tiles
     done : passes whose tiles were run
     failed : the reason, for each tile that could not be run
     unreadable : the reason, for each file whose points could not be read or stored
@@ -70,6 +71,7 @@ class Crew:
         self.told = told
         self.found: dict[str, Any] = {}
         self.counts: list[Count] = []
+        self.empty: dict[str, None] = {}
         self.done: set[int] = set()
         self.failed: dict[Tile, str] = {}
         self.unreadable: dict[Path, str] = {}
@@ -215,6 +217,7 @@ class Crew:
                 said.setdefault(text, []).append(tile)
             for text in dict.fromkeys(result.unseen):
                 unseen.setdefault(text, []).append(tile)
+            self.empty |= dict.fromkeys(result.empty)
             for name, value in result.values.items():
                 numbers.setdefault(name, []).append(value)
             for count in result.counts:
@@ -258,6 +261,7 @@ class Crew:
 
     def write(self, products: list[Product], record: Record | None, ctx: Context) -> None:
         """Write products to the temporary paths where they are prepared."""
+        self._check_there(products)
         folders = [self.folder(self.plan.keep[p.result]) for p in products]
         calls = [
             (folder, p.output, p.result, p.path, p.target.how, p.file, record)
@@ -268,6 +272,20 @@ class Crew:
         pairs = zip(products, done, strict=True)
         if wrong := {p.output: d.why for p, d in pairs if isinstance(d, _Failed)}:
             raise DataError(self.id, wrong)
+
+    def _check_there(self, products: list[Product]) -> None:
+        """Raise an error if no tile gave any cell of a raster; files of points may be empty."""
+        missing = [
+            product.output
+            for product in products
+            if self.plan.model.between[product.result].kind.is_gridded
+            and not tile_products.pieces_of(
+                self.folder(self.plan.keep[product.result]), product.result
+            )
+        ]
+        if missing:
+            why = "; ".join([*self.empty][:LISTED]) or "no tile has points"
+            raise DataError(self.id, dict.fromkeys(missing, f"no tile has data for it ({why})"))
 
     @property
     def failures(self) -> bool:

@@ -12,7 +12,7 @@ import math
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
@@ -109,6 +109,7 @@ class Result:
     counts : sizes of the layers of each step, within the tile
     said : warnings
     unseen : what the steps did not look at
+    empty : why steps had nothing to do, for want of data
     memory : peak memory of the worker so far, bytes
     """
 
@@ -116,6 +117,7 @@ class Result:
     counts: tuple[Count, ...]
     said: tuple[str, ...]
     unseen: tuple[str, ...]
+    empty: tuple[str, ...]
     memory: int
 
     def to_json(self) -> dict[str, Any]:
@@ -134,8 +136,17 @@ class Result:
             for name, value in given["values"].items()
         }
         counts = tuple(Count(**count) for count in given["counts"])
-        said, unseen = (tuple(given[name]) for name in ("said", "unseen"))
-        return cls(values, counts, said, unseen, given["memory"])
+        said, unseen, empty = (tuple(given[name]) for name in ("said", "unseen", "empty"))
+        return cls(values, counts, said, unseen, empty, given["memory"])
+
+
+@dataclass
+class _Notes:
+    """What the steps of a tile leave beside their results, as :class:`Result` has it."""
+
+    counts: list[Count] = field(default_factory=list)
+    unseen: list[str] = field(default_factory=list)
+    empty: list[str] = field(default_factory=list)
 
 
 def split(job: TileJob, block: FileBlock) -> NDArray[np.int64]:
@@ -159,15 +170,15 @@ def run_tile(job: TileJob, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
     first = clouds.get(job.first, next((c for c in pieces.values() if c is not None), None))
     with _said() as said, tile_store.whole(path) as draft:
         values = dict.fromkeys(model.sources) | dict(job.settings) | job.layers | clouds
-        counts: list[Count] = []
-        unseen: list[str] = []
+        notes = _Notes()
         given = {**job.given, **pieces}
-        results = _results(job, model, values, given, tile, counts, unseen) if first else {}
+        results = _results(job, model, values, given, tile, notes) if first else {}
         numbers = {name: v for name, v in results.items() if isinstance(v, float | int)}
         for name, result in results.items():
             if result is not None and model.between[name].kind.is_layer:
                 _store(draft / name, result, job.grid.inside(tile), las=name in job.las)
-        made = Result(numbers, tuple(counts), tuple(said), tuple(unseen), _peak())
+        unseen, empty = tuple(notes.unseen), tuple(notes.empty)
+        made = Result(numbers, tuple(notes.counts), tuple(said), unseen, empty, _peak())
         tile_store.save_json(draft / "result.json", made.to_json())
     return made
 
@@ -219,19 +230,18 @@ def _results(
     values: Mapping[str, Any],
     given: Mapping[str, Any],
     tile: Tile,
-    counts: list[Count],
-    unseen: list[str],
+    notes: _Notes,
 ) -> dict[str, Any]:
     """Run the local steps on a tile and give their results, by step.output."""
     inside = job.grid.inside(tile)
 
     def runner(name: str, tool: Any, ctx: Context) -> Any:
         step = tool.spec.id if name == ALONE else name
-        result = _result(tool, ctx)
-        counts.extend(counted(step, tool.spec.sources, tool, inside))
-        counts.extend(counted(step, tool.spec.outputs, result, inside))
+        result = _result(tool, ctx, notes.empty)
+        notes.counts.extend(counted(step, tool.spec.sources, tool, inside))
+        notes.counts.extend(counted(step, tool.spec.outputs, result, inside))
         if not isinstance(result, SimpleNamespace):  # of a tile without data
-            unseen.extend(told_by(tool.spec, result)[1])
+            notes.unseen.extend(told_by(tool.spec, result)[1])
         return result
 
     local = model.subset(job.steps)
@@ -240,11 +250,12 @@ def _results(
     return {name: getattr(result, name) for name in sorted(job.keep)}
 
 
-def _result(tool: Any, ctx: Context) -> Any:
-    """Run a tool; in a tile without data for it, give the result that it names instead."""
+def _result(tool: Any, ctx: Context, empty: list[str]) -> Any:
+    """Run a tool; in a tile without data for it, note why, and give what it names instead."""
     try:
         return tool.run(ctx)
     except NothingToDo as err:
+        empty.append(str(err))
         if err.instead is not None:
             return err.instead
         return SimpleNamespace(**dict.fromkeys(tool.spec.outputs))

@@ -78,6 +78,16 @@ def beyond(made: Trained, data: Rows) -> NDArray[np.bool_]:
     return np.asarray(((data < low) | (data > high)).any(axis=1))
 
 
+def stuck(made: Trained, data: Rows) -> Iterator[tuple[str, float]]:
+    """Features that have one value in all points, beyond all of the training, and the value."""
+    edges = np.array(made.about["quantiles"])
+    for name, own, column in zip(made.features, edges, data.T, strict=True):
+        known = column[np.isfinite(column)]
+        one = len(known) and known.min() == known.max()
+        if one and not own.min() <= known[0] <= own.max():
+            yield name, float(known[0])
+
+
 def unlike(edges: Floats, values: Rows, label: Ints) -> float:
     """The stability index of a feature, as mean over the points of all classes.
 

@@ -75,10 +75,20 @@ class Trained:
         """Calibrated probability of each class of points with features of shape (n, f), (n, k)."""
         return softmax(self.scores(data, ctx) / float(self.about["temperature"]))
 
+    def _within(self, data: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Features no farther out than any that was learnt from, as trees take them by nature.
+
+        A line goes on for ever: intensities of another sensor would outweigh all other features.
+        """
+        if "quantiles" not in self.about:  # of a fold, whose kept points lie in the same survey
+            return data
+        edges = np.array(self.about["quantiles"], np.float32)
+        return np.clip(data, edges.min(axis=(1, 2)), edges.max(axis=(1, 2)))
+
     def scores(self, data: NDArray[np.float32], ctx: Context = QUIET) -> Floats:
         """Logarithms of the probabilities before calibration, but for a term of each point."""
         if self.about["kind"] == "logistic":
-            known = np.where(np.isnan(data), self.about["middle"], data)
+            known = np.where(np.isnan(data), self.about["middle"], self._within(data))
             scaled = (known - np.array(self.about["middle"])) / np.array(self.about["scale"])
             return np.asarray(scaled @ self.values + np.array(self.about["baseline"]))
         found = np.tile(np.array(self.about["baseline"], float), (len(data), 1))

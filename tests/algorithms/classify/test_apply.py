@@ -13,7 +13,8 @@ from pyproj import CRS
 
 from algorithms.classify._learning import drift
 from algorithms.classify.apply import ClassifyApply
-from tests.scenes.parks import UTM, yard
+from algorithms.classify.train import ClassifyTrain
+from tests.scenes.parks import NAMES, QUICK, UTM, yard
 from toolbox.data import PointCloud, Table
 from toolbox.errors import DataError
 
@@ -139,3 +140,38 @@ def test_stability_index_counts_within_classes() -> None:
     assert drift.unlike(edges, values[many], label[many]) < 0.05
     moved = (values + 2 * (label == 1)).astype(np.float32)
     assert drift.unlike(edges, moved, label) > drift.MAJOR
+
+
+@pytest.fixture(scope="module")
+def line() -> Any:
+    """A model whose scores are linear in the features."""
+    return ClassifyTrain(points=yard(), features=NAMES, learner="logistic", **QUICK).run()
+
+
+def test_lines_do_not_go_on_beyond_the_training(line: Any) -> None:
+    """Intensities of another sensor outweigh no other feature."""
+    other = yard(3)
+    brighter = other.with_attributes({"intensity": np.full(len(other), 65535, np.uint16)})
+    out = ClassifyApply(points=brighter, model=line.model).run()
+    right = (out.classified["classification"] == other["classification"]).mean()
+    assert right > 0.7  # 0.11 without a limit, as all are houses, the brightest
+
+
+def test_a_feature_that_is_stuck_is_told(line: Any, caplog: pytest.LogCaptureFixture) -> None:
+    other = yard(3)
+    dark = other.with_attributes({"intensity": np.zeros(len(other), np.uint16)})
+    ClassifyApply(points=dark, model=line.model).run()
+    assert "intensity is 0 in all points, beyond all of the training" in caplog.text
+    assert "all points become" not in caplog.text
+
+
+def test_one_class_for_all_of_another_survey_is_told(
+    made: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    bare = yard(3)
+    bare = bare.select(bare["classification"] == 2)
+    ClassifyApply(points=bare, model=made.model).run()
+    assert "all points become" not in caplog.text  # ground is all there is
+    high = bare.with_attributes({"intensity": bare["intensity"] * np.uint16(5)})
+    ClassifyApply(points=high, model=made.model).run()
+    assert "all points become class 2, while 100 %" in caplog.text

@@ -262,6 +262,16 @@ def test_a_tile_with_nothing_to_do(survey: Path, tiling: Tiling, tmp_path: Path)
         np.testing.assert_array_equal(whole.band(), tiles.sample(x, y))
 
 
+def test_a_raster_that_no_tile_has_data_for_says_why(
+    survey: Path, tiling: Tiling, tmp_path: Path
+) -> None:
+    given = {"points": survey, "classes": [99], "max_gap": 8, "surface": tmp_path / "terrain.tif"}
+    why = r"surface: no tile has data for it \(surface.grid: points: none is of class 99"
+    with pytest.raises(DataError, match=why):
+        toolbox.run("surface.grid", given, tiling=tiling)
+    assert not (tmp_path / "terrain.tif").exists()
+
+
 def test_a_corrupt_file_among_good_ones(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
     """Tiles near it fail by name, the files of others are there, and the run says what to do."""
     bad = tmp_path / "bad"

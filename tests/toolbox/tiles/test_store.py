@@ -128,7 +128,7 @@ def test_features(rows: slice, tmp_path: Path) -> None:
 
 def test_numbers_of_a_tile() -> None:
     values = {"n": 3, "share": Share(1, 3), "x": 0.1, "none": float("inf")}
-    result = Result(values, (Count("step", "points", 5),), ("mind",), ("dark",), 10**9)
+    result = Result(values, (Count("step", "points", 5),), ("mind",), ("dark",), ("bare",), 10**9)
     found = Result.from_json(result.to_json())
     assert found == result
     assert repr(found.values["share"]) == "0.3333333333333333 (1 of 3)"

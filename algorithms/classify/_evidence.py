@@ -61,7 +61,8 @@ class PointFeatures:
     ctx : progress and cancellation
     flat : metres from a plane up to which points lie on it
     ground_classes : classes that are ground; None to look for ground
-    by_noise : whether `flat` is the least, and more where the points on the ground scatter more
+    by_noise : whether `flat` is the least, and more where the points on the ground scatter more;
+        not if no pulse has several returns, since crowns are told by planes alone then
     """
 
     cloud: PointCloud
@@ -154,7 +155,7 @@ class PointFeatures:
     @functools.cached_property
     def flatness(self) -> Floats:
         """Metres from a plane up to which points around each point lie on it, shape (n,)."""
-        if not self.by_noise:
+        if not (self.by_noise and self.has_several_returns):
             return np.broadcast_to(np.float64(self.flat), len(self.xyz))
         scatter, ground, metre = self.planes[0], self.terrain[0], self.cloud.metre
         found = _flatness.by_noise(self.xyz[:, :2], scatter, ground, self.flat, metre)
@@ -186,7 +187,7 @@ class PointFeatures:
         Roofs are known by a share ON_PLANES of their points. Where not even the ground has it,
         which is as smooth as they are, no roof can.
         """
-        if self.by_noise:
+        if self.by_noise and self.has_several_returns:
             return  # `flat` follows it
         scatter = self.planes[0][self.terrain[0]]
         scatter = scatter[np.isfinite(scatter)]

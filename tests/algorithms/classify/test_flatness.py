@@ -127,13 +127,26 @@ def test_roofs_are_found_in_noise_of_many_centimetres(
     assert "the points are too noisy; a tool with `flat` needs some 0.1" in caplog.text
 
 
+def test_without_returns_noise_is_told_and_not_followed(
+    town: PointCloud, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Crowns are told by their planes alone then."""
+    single = np.ones(len(town), np.uint8)
+    bare = town.with_attributes({"return_number": single, "number_of_returns": single})
+    noisy = shaken(bare, 0.1)
+    assert found(noisy) == found(noisy, 0.06) < 0.5
+    assert "the points are too noisy; a tool with `flat` needs some 0.1" in caplog.text
+
+
 def test_a_part_of_the_ground_that_scatters_does_not_decide_elsewhere() -> None:
     """Noise of one flight line: planes of the other are told as before."""
     side = np.arange(0, 400, 0.5)
     xy = np.stack(np.meshgrid(side, side[:100]), -1).reshape(-1, 2)
     rough = xy[:, 0] < 150
     z = np.random.default_rng(0).normal(0, np.where(rough, 0.12, 0.01))
-    points = cloud(np.column_stack([xy, z]), 2, crs=CRS(32635))
+    number = {"return_number": np.ones(len(xy), np.uint8)}
+    number["number_of_returns"] = np.where(np.arange(len(xy)) == 0, 2, 1).astype(np.uint8)
+    points = cloud(np.column_stack([xy, z]), 2, crs=CRS(32635), **number)
     flatness = PointFeatures(points, 1.0, 3.0, ground_classes=(2,), by_noise=True).flatness
     assert flatness[xy[:, 0] < 100].min() > 0.09
     assert (flatness[xy[:, 0] > 250] == 0.06).all()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.parameters import STRUCTURES, SURFACES
-from algorithms.shared.returns import let_through
+from algorithms.shared.returns import ReturnNumbers, let_through, warn_of_missing
 from toolbox.data import PointCloud
 from toolbox.declare import Share
 from toolbox.errors import NothingToDo
@@ -91,6 +91,9 @@ def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
     """
     if returns == "all":
         return np.ones(len(cloud), bool)
+    warn_of_missing(
+        ReturnNumbers.of(cloud), "all but last returns are no ground, unless returns is all"
+    )
     return ~let_through(cloud)
 
 

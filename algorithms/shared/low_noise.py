@@ -13,7 +13,7 @@ SQUARE = 4.0  # metres: so far from a point its like are looked for, beyond its 
 SLICE, BAND = 0.5, 3  # metres of height, finer leaves less noise; slices of a band: 1.5 m
 SHARE = 0.2  # of the points of a square that a surface has; crowns and steep slopes have fewer
 TIMES = 10  # points of a surface in a square, for each at the height of a point in all nine
-FEWEST = 6  # points, so that a surface has 60 in a square; of fewer (4 per m2) nothing is said
+FEWEST = 4  # points, so that a surface has 40 in a square; of fewer (2.5 per m2) nothing is said
 DEEPEST = 100_000  # slices from the middle, 50 km, so that stray heights overflow no number
 
 REACH = 2 * math.sqrt(2) * SQUARE  # metres, of points that decide on another one

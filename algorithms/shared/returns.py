@@ -18,6 +18,9 @@ NAMES = ("return_number", "number_of_returns")
 SAME_PLACE = 0.3  # metres between two returns that are one: pulses of 4 ns are 1.2 m long, and
 # surfaces nearer to each other than half of that give one return
 MANY = 0.01  # share of points with impossible numbers that is worth a warning
+LEAST_LAST = (
+    0.5  # last returns over first ones of pulses with several; whole surveys have 0.86 to 1.03
+)
 
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -101,6 +104,32 @@ def warn_of_impossible(found: ReturnNumbers, consequence: str) -> None:
             len(wrong),
             found.number[first],
             found.count[first],
+            consequence,
+        )
+
+
+def warn_of_missing(found: ReturnNumbers, consequence: str) -> None:
+    """Warn if many pulses with several returns lack their last one.
+
+    The numbers are wrong then, or only a part of the returns was handed over.
+
+    Parameters
+    ----------
+    consequence : what becomes of the other returns, continues a sentence
+
+    Examples
+    --------
+    >>> warn_of_missing(ReturnNumbers(np.array([1, 2]), np.array([2, 2])), "they are left out")
+    """
+    several = found.known & (found.count > 1)
+    first = np.count_nonzero(several & (found.number == 1))
+    last = np.count_nonzero(several & (found.number == found.count))
+    if first > MANY * len(several) and last < LEAST_LAST * first:
+        log.warning(
+            "%d points are the first of several returns, but only %d are a last one: returns are "
+            "missing, or their numbers are wrong; %s",
+            first,
+            last,
             consequence,
         )
 

@@ -16,7 +16,16 @@ from tests.bench.facades import facades
 from tests.bench.files import copc, damaged, memory, reading, reprojecting, startup
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
-from tests.bench.ground import cloth, filters, grounds, halos, isprs, surveys, terrain
+from tests.bench.ground import (
+    cloth,
+    filters,
+    grounds,
+    halos,
+    isprs,
+    low_noise,
+    surveys,
+    terrain,
+)
 from tests.bench.learning import learning, learning_elsewhere, learning_speed, suggesting
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
@@ -39,6 +48,7 @@ ALL = (
     filters,
     surveys,
     grounds,
+    low_noise,
     halos,
     cloth,
     terrain,

@@ -85,20 +85,25 @@ def filters() -> None:
 def surveys() -> None:
     """All ground filters with their defaults against the ground of the providers of surveys."""
     import numpy as np
-    from pyproj import CRS
-
-    from toolbox.data import PointCloud
 
     clouds = {}
-    for name, path in SURVEYS.items():
-        cloud = PointCloud.open(DATA / path)
-        cloud = cloud if cloud.crs else cloud.with_crs(CRS(28992))
+    for name in SURVEYS:
+        cloud = _survey(name)
         clouds[name] = cloud, cloud["classification"] == 2
     counted = {
         name: ~np.isin(cloud["classification"], NOT_COUNTED) for name, (cloud, _) in clouds.items()
     }
     for id, make in ground_filters().items():
         _errors(id, make, clouds, {}, counted)
+
+
+def _survey(name: str) -> Any:
+    from pyproj import CRS
+
+    from toolbox.data import PointCloud
+
+    cloud = PointCloud.open(DATA / SURVEYS[name])
+    return cloud if cloud.crs else cloud.with_crs(CRS(28992))
 
 
 def grounds(*options: str) -> None:
@@ -125,6 +130,56 @@ def grounds(*options: str) -> None:
 
 
 HALOS = (64.0, 100.0, 150.0, 200.0, 250.0)  # metres
+
+
+# Survey, share of the points that become noise, metres below the lowest 2 %: at most; at least.
+LOW_NOISE = (
+    ("town 1", 0.003, 5.0, 1.5),
+    ("town 1", 0.01, 15.0, 1.5),
+    ("town 1", 0.05, 30.0, -60.0),
+    ("town 2", 0.004, 7.0, 1.5),
+    ("town 3", 0.01, 4.0, 1.5),
+    ("town 3", 0.02, 15.0, 1.5),
+    ("Delft", 0.005, 15.0, 1.5),
+    ("Delft", 0.01, 4.0, 1.5),
+    ("Delft", 0.01, 15.0, 1.5),
+    ("Delft", 0.02, 15.0, 1.5),
+    ("Delft", 0.05, 30.0, -60.0),
+    ("Amsterdam 1", 0.005, 8.0, 1.5),
+    ("Amsterdam 1", 0.02, 20.0, 1.5),
+    ("Amsterdam 2", 0.01, 4.0, 1.5),
+    ("Amsterdam 2", 0.02, 15.0, 1.5),
+    ("line 1", 0.004, 10.0, 1.5),
+)
+
+
+def low_noise() -> None:
+    """ground.classify with noise below the lowest 2 % of the heights: ground that is found.
+
+    The points are drawn at random, three times. Nothing else is done about noise before.
+    """
+    import numpy as np
+
+    from algorithms.ground.classify import GroundClassify
+
+    for name, share, deep, least in LOW_NOISE:
+        cloud = _survey(name)
+        low = np.quantile(cloud.xyz[:, 2], 0.02)
+        shares, noise = [], []
+        for seed in (1, 2, 3):
+            rng = np.random.default_rng(seed)
+            moved = rng.random(len(cloud)) < share
+            xyz = cloud.xyz.copy()
+            xyz[moved, 2] = low - rng.uniform(least, deep, moved.sum())
+            found = GroundClassify(points=cloud.with_xyz(xyz)).run().classified
+            ground = found["classification"] == 2
+            shares.append(100 * ground[(cloud["classification"] == 2) & ~moved].mean())
+            noise.append(100 * ground[moved].mean())
+        say(
+            f"low_noise  {name:12} {100 * share:.1f} % of the points, {least:g} to {deep:g} m "
+            f"deep: ground found, worst {min(shares):.1f} %, mean "
+            f"{statistics.mean(shares):.1f} %; noise taken for ground {max(noise):.1f} %"
+        )
 
 
 def halos() -> None:

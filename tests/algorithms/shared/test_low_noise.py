@@ -89,9 +89,24 @@ def test_ground_beside_a_wall_and_below_a_glass_roof_stays() -> None:
 
 
 def test_surfaces_of_few_points_are_not_judged() -> None:
-    """With 3 points/m2 no square holds the 60 points of a surface that noise could lie below."""
-    xyz = plane(60.0, 0.57, jitter=0.2)
+    """With 2 points/m2 no square holds the 40 points of a surface that noise could lie below."""
+    xyz = plane(60.0, 0.71, jitter=0.2)
     assert not scattered_below(with_noise(xyz, 0.05, 9)[0], 1.0).any()
+    xyz, low = with_noise(plane(60.0, 0.57, jitter=0.2), 0.01, 9)  # with 3 some do
+    found = scattered_below(xyz, 1.0)
+    assert found[low].mean() > 0.9
+    assert not found[~low].any()
+
+
+def test_noise_below_a_steep_roof_is_found() -> None:
+    """A band of 1.5 m holds a quarter of a square of a roof of 55 degrees: 50 of 190 points."""
+    xyz = plane(60.0, 0.29, jitter=0.2)
+    xyz[:, 2] = 8 + 1.43 * (10 - np.abs(xyz[:, 1] % 20 - 10))
+    low = np.random.default_rng(3).random(len(xyz)) < 0.02
+    xyz[low, 2] = -np.random.default_rng(4).uniform(1.5, 15, low.sum())
+    found = scattered_below(xyz, 1.0)
+    assert found[low].mean() > 0.6  # a fifth if a surface needs 60 points in a square
+    assert not found[~low].any()
     assert not scattered_below(xyz[:0], 1.0).any()
 
 

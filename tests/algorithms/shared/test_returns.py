@@ -51,6 +51,21 @@ def test_numbers_that_contradict_each_other_are_told(caplog: pytest.LogCaptureFi
     assert not caplog.text
 
 
+def test_pulses_without_their_last_return_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Return 1 of 2 of what has one return: no ground is looked for there, so it must be said."""
+    may_be_ground(pulse([1] * 100, [2] * 60 + [1] * 40), "last")
+    text = "60 points are the first of several returns, but only 0 are a last one: returns are"
+    assert text in caplog.text
+    assert "all but last returns are no ground, unless returns is all" in caplog.text
+    caplog.clear()
+    may_be_ground(pulse([1] * 100, [2] * 60 + [1] * 40), "all")
+    may_be_ground(pulse([1] * 60 + [2] * 30, [2] * 90), "last")  # half of them is there
+    may_be_ground(pulse([1] * 100, [2] + [1] * 99), "last")  # a hundredth
+    assert not caplog.text
+    may_be_ground(pulse([1] * 60 + [2] * 29, [2] * 89), "last")
+    assert "but only 29 are a last one" in caplog.text
+
+
 def street(rng: np.random.Generator) -> NDArray[np.float64]:
     """A street of 60 x 40 m, and a roof of 12 x 20 m at 8 m, at 4 points per square metre."""
     x, y = rng.uniform(0, (60, 40), (9600, 2)).T

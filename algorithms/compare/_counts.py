@@ -85,7 +85,10 @@ class Counts:
 
     @property
     def kappa_interval(self) -> tuple[float | None, float | None]:
-        """Limits of the 95 % confidence interval (Fleiss, Cohen and Everitt 1969, equation 13)."""
+        """Limits of the 95 % confidence interval (Fleiss, Cohen and Everitt 1969, equation 13).
+
+        None where the formula has no spread, as without an error: it would say that none can be.
+        """
         if (kappa := self.kappa) is None:
             return None, None
         cells = np.array([[self.a, self.b], [self.c, self.d]]) / self.total
@@ -96,7 +99,8 @@ class Counts:
         mixed = cells * beside**2
         spread = same.sum() + (1 - left) ** 2 * (mixed.sum() - np.trace(mixed))
         spread -= (left * chance - 2 * chance + left) ** 2
-        spread = spread if spread > ROUNDING else 0.0
+        if spread <= ROUNDING:
+            return None, None
         error = math.sqrt(spread / self.total) / (1 - chance) ** 2
         return max(kappa - CONFIDENCE * error, -1.0), min(kappa + CONFIDENCE * error, 1.0)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
+from algorithms.shared.accuracy.blocks import FEWEST, LEAST
 from toolbox.context import log
 
 # Share of the reference without a counterpart that is told in a warning: figures are read to the
@@ -61,6 +63,32 @@ def could_differ(count: int) -> float:
     (0.312, 0.0295)
     """
     return float(1 - 0.05 ** (1 / count))
+
+
+def warn_blocks(count: int, what: str) -> None:
+    """Warn of so few blocks that intervals are too narrow, or not known.
+
+    Parameters
+    ----------
+    count : of the blocks that hold something
+    what : they hold, such as "points" or "cells"
+    """
+    if count < LEAST:
+        text = "only %d blocks hold %s: below %d there are no intervals of blocks; lower block"
+        log.warning(text, count, what, LEAST)
+    elif count < FEWEST:
+        text = "only %d blocks hold %s: intervals are too narrow below %d; lower block"
+        log.warning(text, count, what, FEWEST)
+
+
+def no_limits(accuracy: Iterable[Mapping[str, Any]]) -> Iterator[str]:
+    """A sentence if the overall accuracy has no interval, given the rows of the measures."""
+    rows = {row["measure"]: row for row in accuracy}
+    if rows["overall_accuracy"]["low"] is None:
+        yield (
+            f"How far the figures may be off: {rows['blocks']['value']:.0f} blocks do not tell it, "
+            f"as they are fewer than {LEAST} or all alike."
+        )
 
 
 def not_compared(count: int, absent: int, what: str) -> Iterator[str]:

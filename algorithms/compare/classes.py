@@ -30,9 +30,9 @@ from algorithms.compare._outcomes import (
     TYPE_2,
 )
 from algorithms.compare._paired import paired_rows
-from algorithms.compare._unseen import not_compared, warn_absent, warn_few
+from algorithms.compare._unseen import no_limits, not_compared, warn_absent, warn_blocks, warn_few
 from algorithms.shared import parameters
-from algorithms.shared.accuracy.blocks import FEWEST, blocks
+from algorithms.shared.accuracy.blocks import blocks
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
 from toolbox.data.crs import length_problem
@@ -205,6 +205,7 @@ class CompareClasses:
             if self.unmatched:
                 yield f"Points without a counterpart in the reference: {self.unmatched}."
             yield from not_compared(counted, self.absent, "points")
+            yield from no_limits(self.accuracy.rows())
 
     def check(self) -> Iterator[tuple[str, str]]:
         """Classes are named once."""
@@ -322,12 +323,7 @@ class CompareClasses:
         in_degrees = self.block is None and length_problem(self.points.crs) is not None
         metre = np.nan if in_degrees else self.points.metre
         number, side = blocks(self.points.xyz[counted, :2], self.block)
-        if number.max() + 1 < FEWEST:
-            log.warning(
-                "only %d blocks hold points: intervals are too narrow below %d; lower block",
-                number.max() + 1,
-                FEWEST,
-            )
+        warn_blocks(int(number.max()) + 1, "points")
         return number, None if in_degrees else side / metre
 
     def _legend(self, said: NDArray[Any], true: NDArray[Any]) -> Legend:

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from algorithms.compare import _accuracy
 from algorithms.compare._legend import NONE, Legend, codes_in, map_problem, names_of, numbers
 from algorithms.compare._shapes import AREAS, areas_at, layer_problem
-from algorithms.compare._unseen import not_compared, warn_absent, warn_few
+from algorithms.compare._unseen import no_limits, not_compared, warn_absent, warn_blocks, warn_few
 from algorithms.shared import parameters
-from algorithms.shared.accuracy.blocks import FEWEST, blocks
+from algorithms.shared.accuracy.blocks import blocks
 from algorithms.shared.accuracy.confusion import Confusion
 from algorithms.shared.alignment import misfit, offset
 from toolbox.context import QUIET, Context, log
@@ -129,6 +129,7 @@ class CompareRasters:
             if self.missing:
                 yield f"Cells or points without a counterpart: {self.missing}."
             yield from not_compared(self.count, self.absent, "cells or points")
+            yield from no_limits(self.accuracy.rows())
 
     def check(self) -> Iterator[tuple[str, str]]:
         """Classes are named once."""
@@ -301,9 +302,7 @@ class CompareRasters:
         in_degrees = self.block is None and length_problem(self.classes.crs) is not None
         metre = np.nan if in_degrees else self.classes.metre
         number, side = blocks(xy, self.block)
-        if number.max() + 1 < FEWEST:
-            text = "only %d blocks hold cells: intervals are too narrow below %d; lower block"
-            log.warning(text, number.max() + 1, FEWEST)
+        warn_blocks(int(number.max()) + 1, "cells")
         return number, None if in_degrees else side / metre
 
     def _class_areas(self, confusion: Confusion, legend: Legend, names: Mapping[int, str]) -> Table:

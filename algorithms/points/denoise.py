@@ -148,6 +148,13 @@ class PointsDenoise:
         low_noise: int = sink("Points found to be low noise", unit="1")
         high_noise: int = sink("Points found to be high noise", unit="1")
 
+        def in_words(self) -> str:
+            """How many points are noise."""
+            if not (found := self.low_noise + self.high_noise):
+                return "No point was taken for noise."
+            were = "point was" if found == 1 else "points were"
+            return f"{found} {were} taken for noise: {self.low_noise} low, {self.high_noise} high."
+
     def check(self) -> Iterator[tuple[str, str]]:
         """No more neighbours are required than searched for."""
         if self.min_neighbours > self.neighbours:

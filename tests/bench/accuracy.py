@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.compare._paired import mcnemar
-from algorithms.shared.accuracy.blocks import blocks, limits
+from algorithms.shared.accuracy.blocks import LEAST, blocks, limits, percentiles
 from tests.bench.measuring import say
 
 RUNS, SIDE, PATCH, WRONG, POINTS, DRAWS = 400, 100.0, 5.0, 0.2, 20_000, 1000
+RATE = 0.05  # of errors
 
 
 def accuracy() -> None:
@@ -27,9 +28,23 @@ def accuracy() -> None:
             f"accuracy  blocks of {side:4.1f} m: 95 % intervals hold the truth in "
             f"{100 * held / RUNS:5.1f} %, equal ones differ in {100 * differs / RUNS:4.1f} %"
         )
+    _of_few_blocks()
     alone = [(f & ~s, s & ~f) for _, f, s in map(_scene, range(RUNS))]
     found = sum(mcnemar(int(a.sum()), int(b.sum()))[1] < 0.05 for a, b in alone)
     say(f"accuracy  McNemar: equal classifications differ in {100 * found / RUNS:.1f} %")
+
+
+def _of_few_blocks() -> None:
+    """Intervals of a rate of 5 % that differs from block to block as an exponential distribution."""
+    rng = np.random.default_rng(2)
+    for count in (4, 5, 6, LEAST, 15):
+        held = 0
+        for _ in range(RUNS):
+            wrong = rng.binomial(1000, np.minimum(rng.exponential(RATE, count), 1.0))
+            times = rng.multinomial(count, np.full(count, 1 / count), DRAWS)
+            low, high = np.percentile(times @ wrong / (1000 * count), percentiles(count))
+            held += bool(low <= RATE <= high)
+        say(f"accuracy  {count:2d} blocks: intervals hold the truth in {100 * held / RUNS:5.1f} %")
 
 
 def _scene(seed: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:

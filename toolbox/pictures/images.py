@@ -31,6 +31,7 @@ PALE = 0.45  # how far the colours of planes without a name are from white
 RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
 _NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "hillshade")
 _PIXELS = 1000  # at most, along the longer side of a map
+_MOST_DIGITS = 6  # after the point, of the ends of a ramp
 _MANY = 20  # more distinct values than this are no classes
 LENGTHS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
 LENGTHS |= {"millimetre": "mm", "centimetre": "cm"}
@@ -66,6 +67,18 @@ class Ramp:
         known = np.abs(values[np.isfinite(values)])
         high = float(np.percentile(known, 99)) if len(known) else 0.0
         return cls("RdBu_r", -(high or 1.0), high or 1.0, label, "both")
+
+    def text(self, value: float) -> str:
+        """A value with the digits that tell something in this range, never as a power of ten.
+
+        >>> Ramp("gray", 0.0, 57090.3, "Intensity").text(57090.3)
+        '57090'
+        >>> Ramp("gray", 1820.11, 1823.57, "Elevation (m)").text(1820.114)
+        '1820.11'
+        """
+        span = self.high - self.low
+        digits = max(0, 2 - math.floor(math.log10(span))) if span > 0 else 2
+        return f"{value:.{digits}f}" if digits <= _MOST_DIGITS else f"{value:.4g}"
 
     def colour_map(self) -> Any:
         """The colour map of matplotlib."""

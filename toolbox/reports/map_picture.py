@@ -131,7 +131,7 @@ def _of_image(image: Image | None) -> Iterator[Any]:
     if isinstance(key := image.key, Ramp):
         colours, span = key.colour_map(), key.high - key.low
         shares = (0.0, 0.5, 1.0)
-        looks = [(f"{key.label}: {key.low + s * span:.4g}", colours(s)) for s in shares]
+        looks = [(f"{key.label}: {key.text(key.low + s * span)}", colours(s)) for s in shares]
     else:
         looks = list(key.values())
     for name, colour in looks:

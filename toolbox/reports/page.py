@@ -30,12 +30,15 @@ class Told:
     warnings : in the order of the run
     words : the result in words, of each step that says it
     unseen : what was not looked at
+    thinned : few enough points and cells of results and sources that are too large to be in
+        memory, by name; they are drawn, and nothing is counted in them
     """
 
     given: Mapping[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     words: list[str] = field(default_factory=list)
     unseen: list[str] = field(default_factory=list)
+    thinned: Mapping[str, Layer] = field(default_factory=dict)
 
 
 def page(
@@ -53,8 +56,10 @@ def page(
     told = told or Told()
     reports = [value for value in found.values() if isinstance(value, Report)]
     layers = _layers(spec, found)
-    plots = [Section(title, [plot]) for title, plot in maps_of(spec, found, told.given)]
-    if view := space_of(spec, found, told.given):
+    drawn = {**found, **{n: layer for n, layer in told.thinned.items() if n in spec.results}}
+    below = {**told.given, **{n: v for n, v in told.thinned.items() if n in spec.sources}}
+    plots = [Section(title, [plot]) for title, plot in maps_of(spec, drawn, below)]
+    if view := space_of(spec, drawn, below):
         plots.insert(1, Section("3-D view", [view]))
     own = [section for report in reports for section in report.sections]
     listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}

@@ -31,7 +31,8 @@ from pyproj import CRS
 from toolbox import files
 from toolbox.catalog import MODEL
 from toolbox.context import Context, log
-from toolbox.data import Survey
+from toolbox.data import PointCloud, Survey
+from toolbox.data.layer import Layer
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import Cancelled, DataError, ParameterError
@@ -44,7 +45,8 @@ from toolbox.runs.provenance import Record
 from toolbox.runs.source import Sources
 from toolbox.runs.target import More, Target, check_crs
 from toolbox.runs.target import problems as targets_problems
-from toolbox.shown import SHOWN
+from toolbox.shown import PAGE, SHOWN
+from toolbox.tiles import overview, spoken
 from toolbox.tiles import store as tile_store
 from toolbox.tiles.crew import Crew, reach_of
 from toolbox.tiles.plan import TilePlan, as_model, surveys_of
@@ -134,7 +136,6 @@ def run(
         grid=TileGrid(size * metre),
     )
     told.given = surveys | job.layers
-    told.unseen += _silent(plan)
     products = _products(plan, targets, survey)
     _check_products(spec.id, products, surveys, overwrite=overwrite)
     with (
@@ -160,16 +161,6 @@ def run(
             if reading:  # else nothing is kept
                 log.warning("stopped; --resume goes on from here, with what is kept in %s", work)
             raise
-
-
-def _silent(plan: TilePlan) -> list[str]:
-    """The steps whose results are never there as a whole, so that they say nothing in words."""
-    names = [name for one in plan.passes for name in one.local]
-    specs = [plan.model.steps[name].spec for name in names]
-    titles = [s.title for s in specs if hasattr(getattr(s.make, "Outputs", None), "in_words")]
-    if not titles:
-        return []
-    return [f"In words, as these steps ran tile by tile: {', '.join(dict.fromkeys(titles))}."]
 
 
 def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[Product]:
@@ -229,7 +220,10 @@ def _finish(
     """Write all products; after failures, only those files of folders that are complete."""
     products = _complete(crew, products)
     found = _found(crew, [target.output for target in targets.values()])
+    spoken.tell(crew, told)
     made = record and replace(record, counts=tuple(crew.plan.ordered(crew.counts)))
+    if any(target.output == PAGE for target in targets.values()):
+        told.thinned = _thinned(spec, crew)
     for folder in {product.resolved.parent for product in products}:
         folder.mkdir(exist_ok=True)
 
@@ -246,6 +240,14 @@ def _finish(
     crew.report()
     asked = {n: value for n, value in found.items() if n in spec.outputs or n in targets}
     return _results(spec, asked | saved, {product.output for product in products}, targets)
+
+
+def _thinned(spec: Spec, crew: Crew) -> dict[str, Layer]:
+    """What a report shows of points and rasters; those that were read where tiles made no points."""
+    made = overview.results(crew, spec.outputs)
+    if any(isinstance(layer, PointCloud) for layer in made.values()):
+        return made
+    return overview.sources(crew) | made
 
 
 def _complete(crew: Crew, products: list[Product]) -> list[Product]:

@@ -110,7 +110,9 @@ class TilePlan:
         if not turns.reach:
             raise ParameterError(model.id, {"tile": _whole(model, model.reach(settings))})
         stored = {n: full for n, full in returned.items() if full.partition(".")[0] in turns.reach}
-        return cls(model, settings, tuple(turns.passes(needed, wanted)), stored, frozenset(wanted))
+        told = {name for step in needed.values() for name in _spoken(step)}
+        passes = tuple(turns.passes(needed, wanted | told))
+        return cls(model, settings, passes, stored, frozenset(wanted))
 
     @property
     def halo(self) -> float:
@@ -270,6 +272,12 @@ class _Turns:
         """The results of some steps that are wanted, or used by other steps."""
         used = {need for name, step in steps.items() if name not in makers for need in step.needs}
         return frozenset(n for n in {*wanted, *used} if n.partition(".")[0] in makers)
+
+
+def _spoken(step: Step) -> Iterator[str]:
+    """The numbers of which a step says something in words."""
+    if hasattr(getattr(step.spec.make, "Outputs", None), "in_words"):
+        yield from (name for name, field in step.outputs.items() if not field.kind.is_layer)
 
 
 def _whole(model: Model, reach: Mapping[str, float]) -> str:

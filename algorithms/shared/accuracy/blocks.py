@@ -30,6 +30,8 @@ Measure = Callable[[Floats], Mapping[str, Floats]]
 WANTED = 100  # blocks, if nothing is said of their size: percentiles need dozens
 MOST = 10_000  # blocks
 FEWEST = 20  # blocks below which intervals come out too narrow
+LEAST = 8  # blocks below which less than 0.9 of the intervals hold the truth even where errors are
+# spread evenly, as rates of an exponential distribution (`tests.bench accuracy`)
 DRAWS = 1000  # of which 25 lie beyond each limit
 CHUNK = 1 << 22  # numbers of matrices held at a time
 SURE = 0.95  # share of intervals that should hold the truth
@@ -103,7 +105,10 @@ def drawn(by_block: Counts, seed: int) -> Iterator[Floats]:
 
 
 def intervals(by_block: Counts, measure: Measure, seed: int) -> dict[str, tuple[Floats, Floats]]:
-    """Limits of the 95 % interval of each measure; NaN with fewer than two blocks.
+    """Limits of the 95 % interval of each measure; NaN where the blocks tell none.
+
+    That is so with fewer than LEAST blocks, and where all draws have the same value: blocks of
+    which none has an error do not say how rare errors are.
 
     Parameters
     ----------
@@ -117,7 +122,11 @@ def intervals(by_block: Counts, measure: Measure, seed: int) -> dict[str, tuple[
         Draws in which a measure is not defined are left out.
     """
     found = [measure(stack) for stack in drawn(by_block, seed)]
-    return {name: limits(np.concatenate([f[name] for f in found]), by_block) for name in found[0]}
+    spread: dict[str, tuple[Floats, Floats]] = {}
+    for name in found[0]:
+        low, high = limits(np.concatenate([f[name] for f in found]), by_block)
+        spread[name] = np.where(low < high, low, np.nan), np.where(low < high, high, np.nan)
+    return spread
 
 
 def percentiles(count: int) -> tuple[float, float]:
@@ -140,7 +149,7 @@ def percentiles(count: int) -> tuple[float, float]:
 
 def limits(values: Floats, by_block: Counts) -> tuple[Floats, Floats]:
     """The limits of the intervals of the values along the first axis, drawn from some blocks."""
-    if len(by_block) < 2:
+    if len(by_block) < LEAST:
         return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
     defined = np.isfinite(values).any(axis=0)
     shown = np.where(defined, values, 0.0)

@@ -113,9 +113,10 @@ def test_interval_of_kappa_is_that_of_the_delta_method(cells: tuple[int, ...]) -
     assert high == pytest.approx(kappa(counts) + 1.959964 * error, abs=1e-5)
 
 
-def test_perfect_agreement_has_a_kappa_of_one_without_doubt() -> None:
-    assert Counts(5, 0, 0, 5).kappa_interval == (1, 1)
-    assert Counts(0, 0, 525, 12781).kappa_interval == (0, 0)
+def test_a_kappa_whose_formula_has_no_spread_has_no_limits() -> None:
+    assert Counts(5, 0, 0, 5).kappa == 1
+    assert Counts(5, 0, 0, 5).kappa_interval == (None, None)
+    assert Counts(0, 0, 525, 12781).kappa_interval == (None, None)
     assert Counts(5, 0, 0, 0).kappa_interval == (None, None)
 
 
@@ -251,8 +252,12 @@ def test_few_points_are_told_to_prove_little(caplog: pytest.LogCaptureFixture) -
     assert "only 8 points are compared" in caplog.text
     assert "up to 31 % of all such points could differ" in caplog.text
     assert any("Only 8 points are compared" in text for text in out.not_looked_at())
+    assert any("blocks do not tell it" in text for text in out.not_looked_at())
+    for row in [*out.accuracy.rows(), *out.classes.rows()]:
+        assert all(value is None for name, value in row.items() if name.endswith(("low", "high")))
+    assert next(r for r in out.table.rows() if r["measure"] == "kappa")["low"] is None
     caplog.clear()
-    many = from_counts({(2, 2): 60, (1, 1): 60})
+    many = from_counts({(2, 2): 60, (1, 1): 50, (2, 1): 10})
     assert not list(
         CompareClasses(points=many, reference_attribute=Attribute("truth")).run().not_looked_at()
     )

@@ -43,3 +43,12 @@ def test_a_bridge_is_no_terrain_whatever_its_class() -> None:
     xyz[deck, 2] += 7
     for kind in (ROAD, BRIDGE):
         assert abs(dtm(xyz, np.where(road, kind, 1)).band() - 4.5).max() < 5
+
+
+def test_noise_that_was_taken_out_is_counted() -> None:
+    xyz, _ = hillside()
+    noisy = np.vstack([xyz, [[20.3, 20.3, 90.0], [60.3, 30.3, 95.0], [70.3, 70.3, -40.0]]])
+    points = PointCloud(noisy + np.array([5e5, 4.6e6, 0.0]), crs=CRS(32635))
+    found = toolbox.run("models.terrain", {"points": points, "image": False})
+    assert (found["low_noise"], found["high_noise"]) == (1, 2)
+    assert len(found["classified"]) == len(xyz)

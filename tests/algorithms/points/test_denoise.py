@@ -374,3 +374,11 @@ def test_power_lines_stay(tile: str, data: Callable[[str], Path]) -> None:
     assert found[classes == 14].mean() < 0.001
     assert found[classes == 15].mean() < 0.005
     assert found.mean() < 0.0005
+
+
+def test_the_count_of_noise_is_said_in_words() -> None:
+    out = PointsDenoise(points=cloud(np.vstack([terrain(), PLANTED]))).run()
+    assert out.in_words() == "4 points were taken for noise: 2 low, 2 high."
+    assert PointsDenoise(points=cloud(terrain())).run().in_words() == (
+        "No point was taken for noise."
+    )

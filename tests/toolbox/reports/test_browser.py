@@ -6,8 +6,6 @@ there is none the tests skip, unless TOOLBOX_TEST_BROWSER is "required".
 
 from __future__ import annotations
 
-import os
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,19 +15,14 @@ import geopandas
 import numpy as np
 import pytest
 import shapely
+from scenes.browser import CHROMIUM, IN_A_BROWSER, WEBGL
 
 import toolbox
-from toolbox.data import PointCloud, Vector
+from toolbox.data import PointCloud, Report, Rows, Section, Table, Vector
 from toolbox.data.crs import parse_crs
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-REQUIRED = os.environ.get("TOOLBOX_TEST_BROWSER") == "required"
-WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 CRS = parse_crs("EPSG:32635+3855")
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(not CHROMIUM and not REQUIRED, reason="there is no chromium"),
-]
+pytestmark = IN_A_BROWSER
 
 
 def squares(sizes: list[float], shift: float) -> Vector:
@@ -221,3 +214,21 @@ def test_paper_holds_the_last_column_and_every_row(
     longitudes = [word for word in text.split() if word.startswith(("26.99", "27.00"))]
     assert len(longitudes) >= last
     assert "Longitude" in text.replace("-\n", "")
+
+
+def test_headings_stay_with_their_tables_on_paper_and_short_tables_whole(tmp_path: Path) -> None:
+    """Whatever stands before them on the page; without the rules some of these lengths cut them."""
+
+    def table(count: int) -> Rows:
+        rows = [{"one": k + 0.5, "two": 2.5 * k} for k in range(count)]
+        return Rows(Table.from_rows(rows), "A caption")
+
+    place = tmp_path / "page.pdf"
+    for count in range(36, 54):
+        parts = [Section("First", [table(count)]), Section("Long", [table(40)])]
+        Report("Paper", [*parts, Section("Short", [table(12)])]).save(place)
+        told = subprocess.run(["pdftotext", "-layout", place, "-"], capture_output=True, check=True)
+        for title, least in (("Long", 1), ("Short", 12)):
+            page = next(page for page in told.stdout.decode().split("\f") if title in page)
+            after = page.partition(title)[2].splitlines()
+            assert sum("." in line for line in after) >= least, (count, title)

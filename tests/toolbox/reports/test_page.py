@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ import toolbox
 from algorithms.surface.difference import SurfaceDifference
 from toolbox import catalog
 from toolbox.cli.replay import replay
-from toolbox.data import Lattice, PointCloud, Raster, Table
+from toolbox.data import Lattice, PointCloud, Raster, Report, Table
 from toolbox.data.crs import parse_crs
 from toolbox.data.report.render import render
 from toolbox.reports.page import Told, page
+from toolbox.runs import target
+from toolbox.tiles import overview
 from toolbox.tiles.tiling import Tiling
 
 
@@ -100,3 +103,56 @@ def test_on_paper_all_rasters_of_a_map_are_shown() -> None:
     for name in ("Surface (input)", "Base (input)"):
         assert f"<figcaption>{name}</figcaption>" in paper
     assert '<figure class="other">' not in report.html()
+
+
+@pytest.mark.slow
+def test_a_report_of_tiles_shows_points_and_rasters_and_says_what_the_whole_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The points on the page are few, and the same whatever the tiles."""
+    monkeypatch.setattr(overview, "MOST_POINTS", 3000)
+    monkeypatch.setattr(overview, "MOST_CELLS", 50)
+    rng = np.random.default_rng(1)
+    xyz = np.column_stack([rng.uniform(0, 120, (9000, 2)) + 500_000, rng.normal(50, 0.02, 9000)])
+    xyz[:2, 2] = 90.0, 20.0
+    more = {
+        "gps_time": np.full(len(xyz), 306_288_000.0),
+        "intensity": rng.integers(1, 99, len(xyz)),
+    }
+    PointCloud(xyz, more, crs=parse_crs("EPSG:32635")).save(tmp_path / "a.laz")
+    seen: dict[str, list[Told]] = {}
+
+    def shown(name: str, tile: str | None, **outputs: Path) -> str:
+        def noted(*given: Any) -> Report:
+            seen.setdefault(name, []).append(given[3])
+            return page(*given)
+
+        monkeypatch.setattr(target, "page", noted)
+        place = tmp_path / f"{name}.html"
+        values = {"points": tmp_path / "a.laz", "page": place, **outputs}
+        tiling = Tiling.parse({"tile": tile, "workers": "1"}) if tile else None
+        toolbox.run("models.terrain", values, tiling=tiling)
+        return place.read_text()
+
+    out = {"dtm": tmp_path / "dtm.tif", "classified": tmp_path / "c.laz"}
+    tiled = shown("tiled", "40", **out)
+    other = {name: path.with_stem(f"{path.stem}2") for name, path in out.items()}
+    text = shown("other", "60", **other)
+    whole = shown("whole", None)
+    assert "2 points were taken for noise: 1 low, 1 high." in whole
+    for page_text in (tiled, text, whole):
+        assert "<dt>Date of the survey</dt><dd>2021-05-29</dd>" in page_text
+    assert "tile by tile" not in tiled
+    said = [html.partition('id="summary"')[2].partition("</section>")[0] for html in (tiled, whole)]
+    assert said[0] == said[1]
+    one, two = (seen[name][0].thinned for name in ("tiled", "other"))
+    assert one.keys() == two.keys() == {"dtm", "classified"}
+    few, same = (np.unique(layers["classified"].xyz, axis=0) for layers in (one, two))
+    assert 2500 < len(few) < 3500
+    np.testing.assert_array_equal(few, same)
+    assert max(one["dtm"].shape) <= 50
+    assert one["dtm"].bounds[0] == Raster.open(out["dtm"]).bounds[0]
+    assert tiled.count('data-kind="space"') == 1
+    alone = shown("alone", "40", dtm=tmp_path / "dtm3.tif")
+    assert seen["alone"][0].thinned.keys() == {"points", "dtm"}
+    assert alone.count('data-kind="space"') == 1

@@ -248,12 +248,11 @@ def test_the_same_in_tiles(points: Path, tmp_path: Path) -> None:
         "Date of the survey not known",
         "pulses per square metre",
         "Whether a void is water was not looked at.",
+        " % of the points are ground.",
     ):
         assert said in tiled
         assert said in whole
-    says = "In words, as these steps ran tile by tile: "
-    assert f"{says}{catalog.load('ground.classify').title}." in tiled
-    assert says not in whole
+    assert "tile by tile" not in tiled
     bands = [Raster.open(tmp_path / name / "top.tif").band() for name in ("tiled", "whole")]
     assert np.array_equal(*bands, equal_nan=True)
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 500  # of a table; all of them are in the file of the layer
 _SHORT = 10  # rows that are shown before all are asked for
+_FEW_ROWS = 15  # of a table that is not cut on paper
 _GAP = 2  # characters between the columns of a printed table
 _LONGEST_WORD = 11  # characters of a heading before it is hyphenated in print
 _LONGEST_TEXT = 26  # characters of a text in print before it goes on in another line
@@ -90,6 +91,11 @@ class Rows:
         """Number of rows that are shown when they are asked for; a few more are shown at once."""
         shown = min(len(self.table), self.most)
         return shown - self.short if shown > self.short + 2 else 0
+
+    @property
+    def is_short(self) -> bool:
+        """Whether its rows stay together on paper."""
+        return min(len(self.table), self.most) <= _FEW_ROWS
 
     @property
     def is_wide(self) -> bool:

@@ -38,6 +38,11 @@
   for (const button of document.querySelectorAll(".unfold"))
     button.addEventListener("click", () => button.closest(".folded").classList.remove("folded"));
 
+  // Folded sections are on paper, too; a browser prints none that is closed.
+  let opened = [];
+  addEventListener("beforeprint", () => { opened = [...document.querySelectorAll("details:not([open])")]; for (const one of opened) one.open = true; });
+  addEventListener("afterprint", () => { for (const one of opened) one.open = false; });
+
   // A feature that was asked for: its row, and its texts beside the map --------------------------
   const choose = (row, box) => {
     for (const old of document.querySelectorAll("tr.chosen")) old.classList.remove("chosen");
@@ -284,7 +289,7 @@
     const layout = {
       font: FONT, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#f4f6f8", uirevision: 1,
       scene: { aspectmode: "data", dragmode: "turntable", camera: { eye: first, up: { x: 0, y: 0, z: 1 } }, xaxis: { ...axis, title: { text: data.axes[0] } }, yaxis: { ...axis, title: { text: data.axes[1] } }, zaxis: { ...axis, title: { text: data.axes[2] } } },
-      legend: { bgcolor: "#ffffffd8", itemsizing: "constant", x: phone ? 0 : 1, xanchor: phone ? "left" : "right", y: 1, ...(phone ? { orientation: "h" } : {}) },
+      legend: phone ? { itemsizing: "constant", orientation: "h", x: 0, y: -0.02, yanchor: "top", maxheight: 0.3 } : { bgcolor: "#ffffffd8", itemsizing: "constant", x: 1, xanchor: "right", y: 1 },
     };
     await Plotly.newPlot(canvas, traces, layout, LOOK);
     figure.classList.add("drawn");

@@ -35,7 +35,7 @@ def accuracy() -> None:
 
 
 def _of_few_blocks() -> None:
-    """Intervals of a rate of 5 % that differs from block to block as an exponential distribution."""
+    """Intervals of a rate of 5 % that differs between blocks as an exponential distribution."""
     rng = np.random.default_rng(2)
     for count in (4, 5, 6, LEAST, 15):
         held = 0

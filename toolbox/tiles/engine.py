@@ -243,7 +243,7 @@ def _finish(
 
 
 def _thinned(spec: Spec, crew: Crew) -> dict[str, Layer]:
-    """What a report shows of points and rasters; those that were read where tiles made no points."""
+    """What a report shows of points and rasters: what was read, where tiles made no points."""
     made = overview.results(crew, spec.outputs)
     if any(isinstance(layer, PointCloud) for layer in made.values()):
         return made

@@ -44,8 +44,9 @@ def sources(crew: Crew) -> dict[str, Layer]:
     for name, survey in crew.job.surveys.items():
         folders = sorted((crew.work / "points").glob(f"{name}_*"))
         clouds = [survey.template.with_arrays(arrays) for arrays in _chosen(folders)]
-        found[name] = survey.template.filled(clouds, sum(map(len, clouds)))
-        found[name].name = survey.name
+        whole = survey.template.filled(clouds, sum(map(len, clouds)))
+        whole.name = survey.name
+        found[name] = whole
     return found
 
 

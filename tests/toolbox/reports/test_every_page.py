@@ -1,4 +1,4 @@
-"""The report of every tool in a real browser: nothing fails or is asked for, and all of it answers."""
+"""The report of every tool in a real browser: it fails nowhere, asks for nothing, and answers."""
 
 from __future__ import annotations
 
@@ -21,14 +21,16 @@ from toolbox.declare.fields import Spec
 pytestmark = IN_A_BROWSER
 
 FIRST_PLACE = """() => {
-  const data = JSON.parse(document.querySelector("figure[data-kind=map] script").textContent);
-  const canvas = document.querySelector("figure[data-kind=map] .canvas"), box = canvas.getBoundingClientRect();
-  const x = canvas._fullLayout.xaxis, y = canvas._fullLayout.yaxis;
+  const figure = document.querySelector("figure[data-kind=map]");
+  const data = JSON.parse(figure.querySelector("script").textContent);
+  const canvas = figure.querySelector(".canvas"), box = canvas.getBoundingClientRect();
+  const { xaxis: x, yaxis: y } = canvas._fullLayout;
   for (const layer of data.layers) for (const group of layer.groups) {
     if (layer.hidden) continue;
     for (const [, [part]] of group.features) {
-      const px = x._offset + x.d2p(data.x0 + part[0]), py = y._offset + y.d2p(data.y0 + part[1]);
-      if (px > x._offset + 5 && py > y._offset + 5 && px < x._offset + x._length / 2 && py < y._offset + y._length - 30) return [box.left + px, box.top + py];
+      const across = x.d2p(data.x0 + part[0]), down = y.d2p(data.y0 + part[1]);
+      if (across < 5 || down < 5 || across > x._length / 2 || down > y._length - 30) continue;
+      return [box.left + x._offset + across, box.top + y._offset + down];
     }
   }
   return null;

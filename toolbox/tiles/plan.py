@@ -129,7 +129,8 @@ class TilePlan:
         later = [name for one in self.passes[number + 1 :] for name in (*one.local, *one.rest)]
         used = {need for name in later for need in self.model.steps[name].needs}
         there = {name for one in self.passes[: number + 1] for name in one.keep}
-        return frozenset(there - used - self.wanted)
+        layers = {name for name in there if self.model.between[name].kind.is_layer}
+        return frozenset(layers - used - self.wanted)
 
     @property
     def gives_rasters(self) -> bool:

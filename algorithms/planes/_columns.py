@@ -54,7 +54,7 @@ SCHEDULE = {
     "width_mm": Column("Width", "mm", 0),
     "height_mm": Column("Height", "mm", 0),
     "sill_mm": Column("Sill above the foot", "mm", 0),
-    "set_back": Column("Set back", "m", 2),
+    "set_back_mm": Column("Set back", "mm", 0),
     "hidden": OPENINGS["hidden"],
     "certainty": OPENINGS["certainty"],
 }

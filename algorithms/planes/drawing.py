@@ -24,6 +24,7 @@ NEEDED = ("kind", "front_id", "opening_id", "width", "height", "sill")
 TICK = 0.6  # of the height of a text: half of the stroke that ends a dimension line
 OFF = 2.5  # heights of a text from the wall to the first line of dimensions, and to the next
 ROW = 1.8  # heights of a text from one line of the title block to the next
+SHOWN_DIGITS = 3  # of a certainty
 MILLIMETRES = 1000.0  # in a metre
 
 
@@ -265,7 +266,11 @@ def schedule(frame: geopandas.GeoDataFrame, metre: float) -> Table:
             },
         }
     )
-    more = [name for name in ("set_back", "hidden", "certainty") if name in found]
-    for name in more:
-        rows[name] = found[name] / metre if name == "set_back" else found[name]
+    if "set_back" in found:  # not known where nothing was seen in an opening
+        back = found["set_back"].astype(float) / metre * MILLIMETRES
+        rows["set_back_mm"] = back.round().astype("Int64")
+    if "hidden" in found:
+        rows["hidden"] = found["hidden"]
+    if "certainty" in found:
+        rows["certainty"] = found["certainty"].astype(float).round(SHOWN_DIGITS)
     return Table(rows)

@@ -187,8 +187,8 @@ class PlanesExtract:
         def in_words(self) -> str:
             """How many planes, and how much lies on them."""
             return (
-                f"{self.count} planes hold {100 * self.share:.1f} % of the points; "
-                f"{self.front_count} of them or groups of them are fronts. Points lie within "
+                f"{self.count} planes hold {100 * self.share:.1f} % of the points; fronts, of one "
+                f"plane or several: {self.front_count}. Points lie within "
                 f"{self.used_tolerance:.3f} m of their plane; their noise is {self.noise:.3f} m."
             )
 

@@ -400,6 +400,7 @@ def storage(
             ctx.progress(0.0)
     whole, weighted, everything = np.cumsum(sums[[2, 3, 5], :-1], axis=1)
     area, volume = sums[0, :-1] + whole, sums[1, :-1] + whole * (levels - levels[0]) - weighted
+    volume = np.where(volume < ROUNDING * area, 0.0, volume)  # what sums have lost of nothing
     ctx.progress(1.0)
     return area, volume, sums[4, :-1] + everything
 

@@ -32,6 +32,7 @@ from toolbox.pictures.images import (
 from toolbox.reports import words
 from toolbox.reports.map_picture import map_png
 
+DRAWING = "Drawing: "  # before the name of a layer that has a map of its own
 _MOST_BASES, _QUALITY = 6, 82  # images that can lie below, and of these in WebP
 _MOST_FEATURES, _MOST_CORNERS = 3000, 60_000  # of a layer, and of all layers together
 _CROWDED = 500  # points of a layer, such as corners of outlines, that would hide all others
@@ -69,7 +70,7 @@ def maps_of(
         together = {name: waiting[name]} | _together(layer.bounds, layer, waiting)
         waiting = {n: pair for n, pair in waiting.items() if n not in together}
         if np.isfinite(layer.bounds).all():
-            title = f"Drawing: {words.title_of(name).lower()}" if bases else "Map"
+            title = f"{DRAWING}{words.title_of(name).lower()}" if bases else "Map"
             yield title, _map([], together)
 
 

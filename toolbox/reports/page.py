@@ -8,16 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 from toolbox.data import Figure, Report, Rows, Section, Table
 from toolbox.data.layer import Layer
-from toolbox.data.report import Block, Head
+from toolbox.data.report import Block, Head, Plot
 from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
 from toolbox.reports import words
 from toolbox.reports.facts import facts_of
-from toolbox.reports.maps import maps_of
+from toolbox.reports.maps import DRAWING, maps_of
 from toolbox.reports.space import space_of
 
 if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
+
+
+STRIP = 4  # times as long as wide, a map shows little
 
 
 @dataclass
@@ -65,7 +68,7 @@ def page(
     listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}
     sections = [
         *_results(spec, found),
-        *(plots or _pictures(found, spec)),
+        *(in_order(plots) or _pictures(found, spec)),
         *own,
         *_charts(found, spec),
         *(
@@ -106,6 +109,18 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
     head = Head(facts, _once(told.warnings if told else ()), report.head.unseen)
     sections = [*report.sections, *_settings(spec, record)]
     return Report(report.title, sections, summary=report.summary, head=head, name=report.name)
+
+
+def in_order(plots: Sequence[Section]) -> list[Section]:
+    """The plots of a report; a map that is a strip, as of a front from above, after drawings."""
+    first = next((block for part in plots[:1] for block in part.blocks), None)
+    drawn = any(part.title.startswith(DRAWING) for part in plots)
+    if drawn and isinstance(first, Plot):
+        west, south, east, north = first.data["bounds"]
+        sides = sorted((east - west, north - south))
+        if sides[1] > STRIP * sides[0]:
+            return [*plots[1:], plots[0]]
+    return list(plots)
 
 
 def _once(texts: Sequence[str]) -> tuple[str, ...]:
@@ -164,7 +179,10 @@ def _charts(found: Mapping[str, Any], spec: Spec) -> list[Section]:
     """The tables that are shown as charts."""
     charts = {n: s for n, s in drawable(found, spec.results).items() if isinstance(s[0], Table)}
     return [
-        Section(f"Chart: {_titled(spec.results[name])}", [Figure(png({name: shown}), help)])
+        Section(
+            f"Chart: {_titled(spec.results[name])}",
+            [Figure(png({_titled(spec.results[name]): shown}), help)],
+        )
         for name, shown in charts.items()
         for help in [spec.results[name].help if name in spec.results else name]
     ]

@@ -65,6 +65,25 @@ def test_the_schedule_is_in_millimetres_whatever_the_unit() -> None:
         ]
 
 
+def test_the_schedule_has_the_depth_in_millimetres_where_it_is_known(tmp_path: Path) -> None:
+    for metre, crs in ((1.0, "local"), (1000.0, "local:mm")):
+        made = elevation(crs, metre)
+        frame = made.frame.copy()
+        frame["set_back"] = np.where(frame["kind"] == "door", np.nan, 0.16358 * metre)
+        frame["certainty"] = 0.9628956
+        table = PlanesDrawing(elevation=Vector(frame)).run().schedule
+        rows = list(table.rows())
+        assert [row["set_back_mm"] for row in rows[1:]] == [164, 164]
+        assert [row["certainty"] for row in rows] == [0.963] * 3
+        table.save(tmp_path / f"{crs[-2:]}.csv")
+        lines = (tmp_path / f"{crs[-2:]}.csv").read_text().splitlines()
+        assert lines[1:] == [
+            "1,1,door,1000,2100,0,,0.963",
+            "1,2,window,1500,1500,1000,164,0.963",
+            "1,3,window,1500,1000,4000,164,0.963",
+        ]
+
+
 def test_a_dxf_has_layers_texts_and_its_unit(tmp_path: Path) -> None:
     import ezdxf
 

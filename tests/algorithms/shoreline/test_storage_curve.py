@@ -461,3 +461,14 @@ def test_a_lake_that_is_not_there_is_an_error() -> None:
     none = Vector(lake.frame.iloc[:0])
     with pytest.raises(DataError, match="lake: holds no water"):
         ShorelineStorageCurve(terrain=terrain, lake=none).run()
+
+
+def test_the_volume_at_the_level_of_a_flat_ground_is_nothing() -> None:
+    level = np.float32(-0.2597)
+    heights = np.full((60, 60), level)
+    heights[20:40, 20:30] += np.random.default_rng(0).uniform(0, 4, (20, 10)).astype(np.float32)
+    heights[[0, -1]] = heights[:, [0, -1]] = 5.0
+    found = curve(terrain=raster(heights), step=1.0, lowest=float(level))
+    assert found["volume_m3"].iloc[0] == 0.0
+    assert found["area_m2"].iloc[0] > 2900
+    assert (found["volume_m3"].diff().iloc[1:] > 0).all()

@@ -12,10 +12,11 @@ import toolbox
 from algorithms.surface.difference import SurfaceDifference
 from toolbox import catalog
 from toolbox.cli.replay import replay
-from toolbox.data import Lattice, PointCloud, Raster, Report, Table
+from toolbox.data import Figure, Lattice, PointCloud, Raster, Report, Section, Table
 from toolbox.data.crs import parse_crs
+from toolbox.data.report import Plot
 from toolbox.data.report.render import render
-from toolbox.reports.page import Told, page
+from toolbox.reports.page import Told, in_order, page
 from toolbox.runs import target
 from toolbox.tiles import overview
 from toolbox.tiles.tiling import Tiling
@@ -156,3 +157,15 @@ def test_a_report_of_tiles_shows_points_and_rasters_and_says_what_the_whole_says
     alone = shown("alone", "40", dtm=tmp_path / "dtm3.tif")
     assert seen["alone"][0].thinned.keys() == {"points", "dtm"}
     assert alone.count('data-kind="space"') == 1
+
+
+def test_a_map_that_is_a_strip_stands_after_the_drawings() -> None:
+    def plot(title: str, *bounds: float) -> Section:
+        return Section(title, [Plot("map", {"bounds": bounds}, Figure(b"", ""))])
+
+    strip, wide = plot("Map", 0, 0, 2, 20), plot("Map", 0, 0, 12, 20)
+    others = [plot("3-D view"), plot("Drawing: front", 0, 0, 20, 10)]
+    assert in_order([strip, *others]) == [*others, strip]
+    assert in_order([wide, *others]) == [wide, *others]
+    assert in_order([strip, others[0]]) == [strip, others[0]]
+    assert in_order([]) == []

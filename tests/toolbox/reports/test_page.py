@@ -146,7 +146,7 @@ def test_a_report_of_tiles_shows_points_and_rasters_and_says_what_the_whole_says
     assert "tile by tile" not in tiled
     said = [html.partition('id="summary"')[2].partition("</section>")[0] for html in (tiled, whole)]
     assert said[0] == said[1]
-    one, two = (seen[name][0].thinned for name in ("tiled", "other"))
+    one, two = (dict[str, Any](seen[name][0].thinned) for name in ("tiled", "other"))
     assert one.keys() == two.keys() == {"dtm", "classified"}
     few, same = (np.unique(layers["classified"].xyz, axis=0) for layers in (one, two))
     assert 2500 < len(few) < 3500

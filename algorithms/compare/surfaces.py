@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.compare._heights import height_mismatch
 from algorithms.compare._shapes import areas_at
 from algorithms.compare._spread import Quarters, spread
 from algorithms.compare._statement import FEWEST, horizontal, statement
@@ -267,6 +268,8 @@ class CompareSurfaces:
             log.warning("%d cells or points have no counterpart", found.missing)
         absent = self._absent(len(found.error)) if raster else found.missing
         metre = self.surface.metre
+        if text := height_mismatch(found.error, found.surface, metre):
+            log.warning("%s %s", _named(self.surface), text)
         label, names = self._covers(found, ctx.part(0.4, 0.7))
         quarters = None if raster else Quarters.of(self.surface)
         ctx.progress(0.7)

@@ -550,3 +550,23 @@ def test_rasters_of_other_places_cannot_be_resampled(resample: bool, cell: float
     with pytest.raises(DataError, match="lies nowhere on the area") as caught:
         CompareSurfaces(surface=slope(), reference=away, resample=resample).run()
     assert "give resample" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("turn", "told"),
+    [
+        (lambda z: z + 44.0, "lies 44.00 m below the reference"),
+        (lambda z: z / 0.3048, "feet beside metres"),
+        (lambda z: z * 1000.0, "millimetres beside metres"),
+        (lambda z: z + 0.5, ""),  # ground that was built up
+        (lambda z: z + 2.0 + np.sin(40.0 * z), ""),  # no offset alike everywhere
+    ],
+)
+def test_heights_of_another_unit_or_system_are_told(
+    turn: Any, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    one = slope()
+    other = raster(turn(one.band().astype(float)), cell=1.0)
+    CompareSurfaces(surface=one, reference=other).run()
+    assert told in caplog.text
+    assert bool(told) == bool(caplog.messages)

@@ -247,3 +247,31 @@ def test_a_line_with_too_much_beside_texts(tmp_path: Path) -> None:
         opened(tmp_path, "No,E,N,H\nP1,1,2,3\nP2,1,2,3,4\n", ".csv")
     with pytest.raises(DataError, match="line 3: z is 'a', which is not a number"):
         opened(tmp_path, "No,E,N,H\nP1,1,2,3\nP2,1,2,a\n", ".csv")
+
+
+@pytest.mark.parametrize(
+    ("corner", "digits", "single", "told"),
+    [
+        ((500_000, 4_500_000, 100), 3, True, "x to 0.03125, y to 0.5"),
+        ((500_000, 4_500_000, 100), 3, False, ""),
+        ((500_000, 4_500_000, 100), 0, True, ""),  # a raster with cells of whole metres
+        ((0, 0, 100), 3, True, ""),  # steps of a micrometre
+    ],
+)
+def test_coordinates_of_single_precision_are_told(
+    corner: Any,
+    digits: int,
+    single: bool,
+    told: str,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    xyz = (np.random.default_rng(0).uniform(0, 20, (99, 3)) + corner).round(digits)
+    path = tmp_path / "scan.csv"
+    np.savetxt(
+        path, xyz.astype(np.float32) if single else xyz, "%.8f", ",", header="x,y,z", comments=""
+    )
+    PointCloud.open(path)
+    assert [*caplog.messages] == (
+        [f"scan.csv: its coordinates were rounded to single precision, {told}"] if told else []
+    )

@@ -10,7 +10,8 @@ import pytest
 import algorithms
 
 ROOT = Path(algorithms.__file__).parent
-COMPILERS = {"njit", "helper", "exact_sums"}  # the others are njit with what they are for
+# Beside njit itself, those that are it with what they are for.
+COMPILERS = {"njit", "helper", "exact_sums", "rough_sums"}
 
 each_module = pytest.mark.parametrize(
     "path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from algorithms.shared.accuracy.blocks import DRAWS, LEAST, blocks, drawn, intervals
+from algorithms.shared.accuracy.blocks import DRAWS, blocks, drawn, intervals
 from algorithms.shared.accuracy.confusion import Confusion, class_measures, measures
 from algorithms.shared.accuracy.samples import Estimates
 from toolbox.errors import DataError
@@ -142,7 +142,7 @@ def test_no_interval_is_made_of_few_blocks_or_of_blocks_that_are_all_alike() -> 
     def share(stack: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         return {"right": stack[:, [0, 1], [0, 1]].sum(axis=1) / stack.sum(axis=(1, 2))}
 
-    differing = np.array([block + np.array([[0, k % 3], [0, 0]]) for k in range(LEAST)])
+    differing = np.array([block + np.array([[0, k % 3], [0, 0]]) for k in range(8)])
     low, high = intervals(differing, share, 0)["right"]
     assert low < high
     for given in (differing[:-1], np.array([block] * 50)):

@@ -16,6 +16,7 @@ from toolbox.pictures.features import feature_classes
 from toolbox.pictures.views import Item
 from toolbox.reports import words
 
+FILLED = ", filled"  # after the name of areas, beside that of their outlines
 _MOST_FEATURES, _MOST_CORNERS = 2000, 60_000  # of a class of a layer
 _CROWDED = 500  # marks of a layer that would hide all others
 
@@ -58,7 +59,7 @@ def items_of(
                     rows=numbers,
                     table=table,
                 )
-        yield from _areas(f"{named}, filled", colour, parts[dimension == 2], origin)
+        yield from _areas(f"{named}{FILLED}", colour, parts[dimension == 2], origin)
 
 
 Rings = tuple[list[Floats], list[int]]

@@ -22,7 +22,7 @@ from toolbox.pictures.images import LENGTHS, Ramp, point_key
 from toolbox.pictures.oblique import direction_of
 from toolbox.pictures.views import Item, view_png
 from toolbox.reports import words
-from toolbox.reports.shapes import items_of
+from toolbox.reports.shapes import FILLED, items_of
 
 _MOST, _MOST_MARKED = 120_000, 20_000  # points of the scene, and of a layer above it
 _STEPS = 32_000  # of a coordinate to both sides of the middle, as 16 bits have
@@ -89,7 +89,7 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
         "lines": [_line_json(item) for item in items if item.kind in ("lines", "marks")],
         "meshes": [_mesh_json(item) for item in items if item.kind == "areas"],
     }
-    names = ", ".join(dict.fromkeys(item.name for item in items))
+    names = ", ".join(dict.fromkeys(item.name.removesuffix(FILLED) for item in items))
     origin = ", ".join(f"{value:.0f}" for value in scene.origin)
     shown_points = sum(len(item.xyz) for item in items if item.kind == "points")
     caption = f"View in space: {names}. {shown_points} points are shown; lengths from {origin}"

@@ -106,6 +106,8 @@ def test_the_view_holds_points_to_a_centimetre_and_fills_areas() -> None:
     assert area.sum() / 2 == 80 * 80 - 20 * 20
     names = [line["name"] for line in data["lines"]]
     assert names == ["Water", "Shoreline: edge of the data, no shore", "Shoreline: shore"]
+    assert water["name"] == "Water, filled"
+    assert "filled" not in plot.picture.caption
 
 
 def test_the_same_layers_make_the_same_plots() -> None:

@@ -27,10 +27,10 @@ from scipy.ndimage import maximum_filter1d
 
 from algorithms.corridor._curves import arcs_kernels as kernels
 from algorithms.corridor._curves.catenary import fit
+from algorithms.corridor._curves.hardware import hardware
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.corridor._settings import SETTINGS
-from algorithms.shared.kernels.sorting import distinct
 
 POSITIONS_PER_BIN = 4  # positions in a bin at which an arm may be
 
@@ -53,6 +53,13 @@ class Binned:
         """Those of some of the tracks."""
         tables = (self.tall, self.flat, self.u, self.z, self.v)
         return Binned(self.step, *(table[:, tracks] for table in tables))
+
+    def tracks(self) -> list[tuple[Floats, Floats, Floats]]:
+        """Chainages, offsets and heights of each track, where it is seen."""
+        seen = [(k, self.tall[:, k] > 0) for k in range(self.u.shape[1])]
+        return [
+            (self.u[rows, k], self.v[rows, k], self.z[rows, k]) for k, rows in seen if rows.any()
+        ]
 
 
 def arcs_of(
@@ -205,79 +212,6 @@ def scatter(u: Floats, z: Floats) -> float:
     return max(float(usual) / (0.6745 * math.sqrt(1.5)), SETTINGS.arcs.least_scatter)
 
 
-def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: Floats) -> Floats:
-    """Evidence for an arm at each chainage of an alignment, in squares of sigmas.
-
-    An arm is points among the wires that lie on none of them. It reaches across, so columns with
-    points are counted, and is thin: a little way before and behind, a tree that comes up from
-    below has as many. Twice the logarithm of the ratio of likelihoods of two Poisson distributions.
-    """
-    seen = [bins.tall[:, k] > 0 for k in range(bins.u.shape[1])]
-    tracks = [
-        (bins.u[rows, k], bins.v[rows, k], bins.z[rows, k])
-        for k, rows in enumerate(seen)
-        if rows.any()
-    ]
-    shape = np.full((4, len(chainages)), np.nan)  # left, right, low, high
-    for u, v, z in tracks:
-        cover = (chainages >= u[0]) & (chainages <= u[-1])
-        for row, which, values in zip(range(4), (np.fmin, np.fmax) * 2, (v, v, z, z), strict=True):
-            shape[row, cover] = which(shape[row, cover], np.interp(chainages[cover], u, values))
-    known = np.flatnonzero(~np.isnan(shape[0]))
-    if not len(known):
-        return np.zeros(len(chainages))
-    reach = float(np.nanmax(np.abs(shape[:2]))) + SETTINGS.arcs.arm_aside + SETTINGS.arcs.ring_outer
-    spots = alignment.places(
-        np.arange(chainages[0], chainages[-1] + SETTINGS.arcs.ring_outer, SETTINGS.arcs.ring_outer)
-    )
-    box = distinct(np.concatenate([corridor.air.within(spot, reach) for spot in spots]))
-    u, v = alignment.along(corridor.air.xyz[box])
-    z = corridor.air.xyz[box, 2]
-    left, right, low, high = (np.interp(u, chainages[known], values[known]) for values in shape)
-    stray = (
-        (v > left - SETTINGS.arcs.arm_aside)
-        & (v < right + SETTINGS.arcs.arm_aside)
-        & (z > low - SETTINGS.arcs.tree_below)
-        & (z < high + SETTINGS.arcs.arm_above)
-    )
-    for along, aside, up in tracks:
-        off = np.hypot(v - np.interp(u, along, aside), z - np.interp(u, along, up))
-        stray &= (
-            (off > SETTINGS.arcs.off_wires * corridor.tolerance)
-            | (u < along[0] - 1)
-            | (u > along[-1] + 1)
-        )
-    around, among = (
-        columns(u[rows], v[rows])
-        for rows in (stray, stray & (z > low - SETTINGS.arcs.arm_half_width))
-    )
-
-    def count(u: Floats, a: float, b: float) -> Floats:
-        within = np.searchsorted(u, chainages + b) - np.searchsorted(u, chainages + a)
-        return np.asarray(within, float)
-
-    here, usual = (
-        count(among, -SETTINGS.arcs.arm_half_width, SETTINGS.arcs.arm_half_width),
-        np.full(len(chainages), SETTINGS.arcs.least_usual),
-    )
-    for u, a, b in (
-        (around, SETTINGS.arcs.ring_inner, SETTINGS.curves.clutter_radius),
-        (among, SETTINGS.curves.clutter_radius, SETTINGS.arcs.ring_outer),
-    ):
-        beside = np.maximum(count(u, -b, -a), count(u, a, b))
-        usual = np.maximum(usual, beside * 2 * SETTINGS.arcs.arm_half_width / (b - a))
-    more = 2 * (here * np.log(np.maximum(here, 1.0) / usual) - (here - usual))
-    spread = max(1.0, float(np.median(more)) / 0.4549)  # more than by chance
-    return np.where(here > usual, more / spread, 0.0)
-
-
-def columns(u: Floats, v: Floats) -> Floats:
-    """Chainages of the vertical columns that hold points; what hangs from a wire is one column."""
-    cell = np.floor(np.column_stack([u, v]) / SETTINGS.arcs.column_width)
-    _, which, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
-    return np.sort(np.bincount(which.ravel(), u, len(count)) / count)
-
-
 def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Binned, float]:
     """Chainages of an alignment at which supports hold its wires.
 
@@ -291,13 +225,19 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Binned, f
         * np.arange(POSITIONS_PER_BIN * alignment.steps + 1, dtype=np.float64)
     )
     wander = SETTINGS.arcs.least_wander
-    shown = hardware(corridor, alignment, binned(corridor, alignment, 1, wander), chainages)
-    arms = maximum_filter1d(shown, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN]
+    seen = binned(corridor, alignment, 1, wander)
+    arms, poles = hardware(corridor, alignment, seen.tracks(), chainages)
+    shown = arms + poles
+    at_arms, at_poles = (
+        maximum_filter1d(some, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN] for some in (arms, poles)
+    )
+    if corridor.tolerance <= SETTINGS.sparse.stack_tolerance:  # their tracks change over
+        at_arms = np.where(at_poles >= SETTINGS.arcs.certain_arm, math.inf, at_arms)
     while True:
         coarse = binned(corridor, alignment, SETTINGS.arcs.coarse_bins, wander)
         bend = usual_bend(coarse)
         fine = binned(corridor, alignment, 1, wander)
-        edges = edges_of(fine, bend, arms)
+        edges = edges_of(fine, bend, at_arms, at_poles)
         learned = wander_of(fine, edges, bend)
         if learned <= SETTINGS.arcs.wander_margin * wander:
             break
@@ -315,15 +255,19 @@ def usual_bend(bins: Binned) -> float:
     return float(min(bends, key=lambda bend: solved(bins, bend, usual)[0]))
 
 
-def edges_of(bins: Binned, bend: float, arms: Floats) -> Ints:
-    """The edges of bins at which a line is cut into arcs of about one curvature, with both ends."""
+def edges_of(bins: Binned, bend: float, arms: Floats, poles: Floats) -> Ints:
+    """The edges of bins at which a line is cut into arcs of about one curvature, with both ends.
+
+    A pole makes a cut cheaper, as an arm does; but the trunk of a tree may look like one, so the
+    wires must bend there as well.
+    """
     wires = maximum_filter1d(
         tracks_at(bins), 2 * round(SETTINGS.arcs.shortest_span / bins.step) + 1
     )
     usual = SETTINGS.arcs.cut_price + SETTINGS.arcs.cut_price_per_wire * wires
-    price = np.maximum(usual - arms, 0.0)
+    price = np.maximum(usual - arms - poles, 0.0)
     edges = agreed(bins, solved(bins, bend, price)[1], bend, usual, price)
-    return bending(bins, edges, bend, price > SETTINGS.arcs.least_arm_share * usual)
+    return bending(bins, edges, bend, usual - arms > SETTINGS.arcs.least_arm_share * usual)
 
 
 def wander_of(bins: Binned, edges: Ints, bend: float) -> float:

@@ -36,8 +36,15 @@ def completed(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Supp
     chains: dict[int, list[Wire]] = {}
     for wire in found:
         chains.setdefault(wire.wire, []).append(wire)
-    better = [stiffened(corridor, wire, chains, found, supports) for wire in found]
+    better = found
+    if corridor.tolerance > SETTINGS.sparse.stack_tolerance:  # else all of a span are known as one
+        better = [stiffened(corridor, wire, chains, found, supports) for wire in found]
     return [wire for wire in (as_far(wire, better) for wire in better) if leads(wire)]
+
+
+def same_wire(corridor: Corridor) -> float:
+    """Metres between two wires at a support that are one; wires above each other are closer."""
+    return min(SETTINGS.continued.same_wire, 2 * corridor.tolerance)
 
 
 def leads(wire: Wire) -> bool:
@@ -61,7 +68,7 @@ def carried_on(
     while fresh:
         fresh = False
         for span in sorted({wire.span for wire in found}):
-            for number, place in missing(found, span):
+            for number, place in missing(found, span, same_wire(corridor)):
                 wire = expected(corridor, found, span, number, place, supports)
                 if wire is not None:
                     found.append(wire)
@@ -74,7 +81,7 @@ def end_at(wire: Wire, number: int) -> Floats:
     return np.asarray(wire.curve.ends[wire.supports.index(number)])
 
 
-def missing(wires: Sequence[Wire], span: int) -> Iterator[tuple[int, Floats]]:
+def missing(wires: Sequence[Wire], span: int, same: float) -> Iterator[tuple[int, Floats]]:
     """Supports, and attachment points there that wires of another span have, but not this one."""
     own = [wire for wire in wires if wire.span == span]
     for number in sorted({n for wire in own for n in wire.supports if n >= 0}):
@@ -82,7 +89,7 @@ def missing(wires: Sequence[Wire], span: int) -> Iterator[tuple[int, Floats]]:
         for other in sorted({w.span for w in wires if number in w.supports} - {span}):
             theirs = [end_at(w, number) for w in wires if w.span == other and number in w.supports]
             away = np.linalg.norm(np.array(theirs)[:, None] - np.array(mine)[None], axis=2)
-            if away.min() < SETTINGS.continued.same_wire:  # else another line ends there
+            if away.min() < same:  # else another line ends there
                 met = set(linear_sum_assignment(away)[0].tolist())
                 yield from ((number, p) for k, p in enumerate(theirs) if k not in met)
 
@@ -96,17 +103,21 @@ def expected(
     supports: Sequence[Support],
 ) -> Wire | None:
     """The wire of a span from a given attachment point, if points lie where it must be."""
+    same = same_wire(corridor)
     own = [wire for wire in wires if wire.span == span and number in wire.supports]
     near = min(own, key=lambda wire: float(np.linalg.norm(end_at(wire, number) - place)))
-    if np.linalg.norm(end_at(near, number) - place) < SETTINGS.continued.same_wire:
+    if np.linalg.norm(end_at(near, number) - place) < same:
         return None
-    far, known = other_end(wires, near, number, place, supports)
+    far, known = other_end(wires, near, number, place, supports, same)
     places = np.array([place, far] if near.supports[0] == number else [far, place])
-    guess = hung(places, near.curve)
-    if any(apart_wires(guess, wire.curve) < SETTINGS.continued.same_wire for wire in own):
+    bend = known_curvature(own, wires)
+    if bend is None:
+        return None
+    guess = hung(places, replace(near.curve, curvature=bend))
+    if any(apart_wires(guess, wire.curve) < same for wire in own):
         return None
     xyz = points_of(corridor, guess, 6 * SETTINGS.lanes.wander, own)
-    inner = xyz[guess.away(xyz) < SETTINGS.continued.same_wire]
+    inner = xyz[guess.away(xyz) < same]
     usual = float(np.median([wire.curve.count for wire in own]))
     few = len(inner) < max(
         SETTINGS.continued.share * usual, 0 if known else SETTINGS.continued.points
@@ -116,7 +127,7 @@ def expected(
     curve = (
         fit(
             np.vstack([places, inner]),
-            spread=SETTINGS.continued.same_wire,
+            spread=same,
             curvature=guess.curvature,
         )
         or guess
@@ -127,8 +138,22 @@ def expected(
     return replace(turned(made, near), bundle=max(wire.bundle for wire in wires) + 1)
 
 
+def known_curvature(*wires: Sequence[Wire]) -> float | None:
+    """The curvature of the first of several groups of wires that tells it; None if none does."""
+    for some in wires:
+        mean, sigma = usual_curvature(some)
+        if sigma <= SETTINGS.fit.known_curvature * mean:
+            return mean
+    return None
+
+
 def other_end(
-    wires: Sequence[Wire], near: Wire, number: int, place: Floats, supports: Sequence[Support]
+    wires: Sequence[Wire],
+    near: Wire,
+    number: int,
+    place: Floats,
+    supports: Sequence[Support],
+    same: float,
 ) -> tuple[Floats, bool]:
     """Far end of a wire by the wire next to it, and whether wires of other spans meet it there."""
     first = near.supports[0] == number
@@ -139,11 +164,7 @@ def other_end(
     aside = float(step[:2] @ here) * there * np.sign(there @ here)
     far = near.curve.ends[1 if first else 0] + np.append(aside, step[2])
     places = [end_at(w, other) for w in wires if w.span != near.span and other in w.supports]
-    close = [
-        p
-        for p in places
-        if other >= 0 and np.linalg.norm(p - far) < 2 * SETTINGS.continued.same_wire
-    ]
+    close = [p for p in places if other >= 0 and np.linalg.norm(p - far) < 2 * same]
     if not close:
         return far, False
     return min(close, key=lambda p: float(np.linalg.norm(p - far))), True

@@ -30,6 +30,7 @@ from algorithms.corridor._curves.network import (
     roofed,
     runs_beside,
 )
+from algorithms.corridor._extraction.sheets import levels_of
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
@@ -290,7 +291,46 @@ def side_of(piece: Piece, support: Support) -> bool:
 def wires_of(
     corridor: Corridor, pieces: list[Piece], key: tuple[int, int], supports: Sequence[Support]
 ) -> list[Wire]:
-    """Wires of a span: pieces of one wire joined and fitted.
+    """Wires of a span: pieces of one wire joined and fitted, or found above each other."""
+    found = beside_each_other(corridor, pieces, key, supports)
+    if corridor.tolerance > SETTINGS.sparse.stack_tolerance or min(key) < 0:
+        return found
+    above = above_each_other(corridor, pieces, key, supports)
+    points = [np.count_nonzero(near_any(corridor, wires)) for wires in (found, above)]
+    return above if points[1] > points[0] else found
+
+
+def near_any(corridor: Corridor, wires: Sequence[Wire]) -> NDArray[np.bool_]:
+    """Which points above the ground lie within the tolerance of one of several wires."""
+    found = np.zeros(len(corridor.air.xyz), bool)
+    for wire in wires:
+        found[corridor.air.around(wire.curve, corridor.tolerance)[0]] = True
+    return found
+
+
+def above_each_other(
+    corridor: Corridor, pieces: list[Piece], key: tuple[int, int], supports: Sequence[Support]
+) -> list[Wire]:
+    """Wires of a span that lie in one vertical plane, by the shape that they have in common."""
+    sure = any(piece.sure for piece in pieces)
+    made = [
+        Wire(
+            curve,
+            ordered(curve, key, supports),
+            (0.0, curve.length),
+            corridor.tolerance,
+            sure=sure,
+        )
+        for curve in levels_of(corridor, pieces, (supports[key[0]], supports[key[1]]))
+    ]
+    taken = corridor.on(wire.curve for wire in made)
+    return [to_supports(wire, supports) for wire in made if stands_alone(corridor, wire, taken)]
+
+
+def beside_each_other(
+    corridor: Corridor, pieces: list[Piece], key: tuple[int, int], supports: Sequence[Support]
+) -> list[Wire]:
+    """Wires of a span from pieces, and those too sparse to be traced beside them.
 
     What is known of a wire only along a short way is looked for along the whole span, beside the
     wire that is known best.

@@ -165,6 +165,14 @@ tiled = pytest.mark.parametrize(
 tools = pytest.mark.parametrize("spec", TOOLS, ids=lambda s: s.id)
 SHARES = {"classify.urban"}  # the class that withheld points keep counts in its share
 IGNORING = [s for s in POINT_TOOLS if "ignore" in s.inputs and s.id not in SHARES]
+MEASURING = [
+    spec
+    for spec in POINT_TOOLS
+    if spec.id.partition(".")[0] in ("surface", "compare")
+    or spec.id in ("classify.trees", "points.profile", "points.survey_quality")
+    or spec.id in ("shoreline.alpha_shape", "shoreline.storage_curve")
+]
+"""Tools that make surfaces and figures of points, to which withheld ones are deleted."""
 point_tools = pytest.mark.parametrize("spec", POINT_TOOLS, ids=lambda s: s.id)
 DRY = {"models.reservoir_storage"}
 """Tools that end with an error without a lake, as the block is; their own tests have one."""
@@ -653,6 +661,23 @@ def test_withheld_points_count_as_little_as_ignored_ones(spec: Spec, block: Poin
     for name, found in one.items():
         if not isinstance(found, str) and not (isinstance(found, dict) and "xyz" in found):
             np.testing.assert_allclose(_numbers(found), _numbers(other[name]), err_msg=name)
+
+
+@pytest.mark.parametrize("spec", MEASURING, ids=lambda s: s.id)
+def test_withheld_points_count_as_little_as_deleted_ones(
+    spec: Spec, block: PointCloud, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Far too high points, withheld or not there: the same surfaces and figures, and a warning."""
+    some = np.arange(len(block)) % 100 == 0
+    raised = block.with_xyz(block.xyz + np.column_stack([0 * some, 0 * some, 40.0 * some]))
+    withheld = raised.with_attributes({"withheld": some.astype(np.uint8)})
+    one, other = (contents(job(spec, p).run()) for p in (withheld, block.select(~some)))
+    for name, found in other.items():
+        if not isinstance(found, str) and not (isinstance(found, dict) and "xyz" in found):
+            np.testing.assert_allclose(_numbers(one[name]), _numbers(found), err_msg=name)
+    told = re.findall(r"(\d+) points are flagged as withheld", caplog.text)
+    assert len(told) == 1
+    assert 0 < int(told[0]) <= 100
 
 
 def _run_or_error(spec: Spec, points: PointCloud) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from algorithms.classify._density import Lengths
 from algorithms.classify._outlines import margin, name_of
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
@@ -147,6 +148,7 @@ class ClassifyTrees:
         some = np.isin(cloud["classification"], self.classes) & (
             height * cloud.metre >= self.min_height
         )
+        some = without_withheld(cloud, some, ctx)
         if not some.any():
             log.warning("no point of class %s is %g m high", self.classes, self.min_height)
             return self._packed([])

@@ -33,6 +33,7 @@ from algorithms.compare._paired import paired_rows
 from algorithms.compare._unseen import no_limits, not_compared, warn_absent, warn_blocks, warn_few
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import blocks
+from algorithms.shared.ground import without_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
 from toolbox.data.crs import length_problem
@@ -243,9 +244,12 @@ class CompareClasses:
     def run(self, ctx: Context = QUIET) -> CompareClasses.Outputs:
         """Match the points, count the errors, and mark them."""
         said, true, matched, absent = self._classes(ctx.part(0.0, 0.6))
-        counted = matched & ~np.isin(true, self.leave_out or ())
+        of_class = matched & np.isin(true, self.leave_out or ())
+        counted = without_withheld(self.points, matched & ~of_class, ctx)
         if not counted.any():
-            raise DataError("leave_out: no point is left that has a reference class")
+            raise DataError(
+                "leave_out: no point is left that has a reference class and is not withheld"
+            )
         warn_few(int(np.count_nonzero(counted)), "points")
         number, side = self._blocks(counted)
         ctx.progress(0.65)
@@ -278,7 +282,7 @@ class CompareClasses:
             kappa=counts.kappa,
             unmatched=int(np.count_nonzero(~matched & self.points.core)),
             absent=absent,
-            left_out=int(np.count_nonzero(matched & ~counted & self.points.core)),
+            left_out=int(np.count_nonzero(of_class & self.points.core)),
         )
         ctx.progress(1.0)
         return outputs

@@ -29,6 +29,7 @@ from algorithms.compare._outcomes import (
     NO_REFERENCE,
     REFERENCE_ALONE,
 )
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.plane_numbers import number_of_none, plane_numbers
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
@@ -149,6 +150,7 @@ class ComparePlanes:
             raise DataError("reference: no point has a counterpart; are these the same points?")
         if not known.all():
             log.warning("%d of %d points have no counterpart", np.sum(~known), len(known))
+        known = without_withheld(self.points, known, ctx)
         other = self.reference if self.reference is not None else self.points
         said, nothing = _numbered(self.points, self.attribute, self.none_id, "none_id")
         true, none = _numbered(

@@ -27,7 +27,7 @@ from algorithms.compare._unseen import warn_absent
 from algorithms.shared import parameters
 from algorithms.shared.alignment import apart, difference, misfit
 from algorithms.shared.error_measures import COUNTS, MEANING, measures
-from algorithms.shared.ground import taking_part
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
@@ -344,10 +344,10 @@ class CompareSurfaces:
             xyz, number = shapely.get_coordinates(shapes, include_z=True), np.arange(len(shapes))
         else:
             assert self.points is not None
-            keep = taking_part(self.points, None)
+            keep = np.ones(len(self.points), bool)
             if self.classes:
-                keep = keep & np.isin(self.points["classification"], self.classes)
-            number = np.flatnonzero(keep)
+                keep = np.isin(self.points["classification"], self.classes)
+            number = np.flatnonzero(without_withheld(self.points, keep))
             xyz = self.points.xyz[number]
             require_finite(xyz)
         heights = self.surface.sample(xyz[:, 0], xyz[:, 1], method="linear")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
@@ -89,7 +90,8 @@ class PlanesOrthophoto:
         if not len(fronts):
             raise DataError("planes.orthophoto", {"elevation": "holds no front"})
         xyz = self.points.xyz
-        flat = [self._flat(xyz, front) for _, front in fronts.iterrows()]
+        firm = without_withheld(self.points, np.ones(len(xyz), bool), ctx)
+        flat = [self._flat(xyz, firm, front) for _, front in fronts.iterrows()]
         if not any(len(which) for which, *_ in flat):
             raise NothingToDo("points: none lies near a front")
         size = self._cell(fronts.geometry.area.sum(), flat)
@@ -131,12 +133,14 @@ class PlanesOrthophoto:
             return COLOURS
         return ("intensity",) if "intensity" in self.points else ()
 
-    def _flat(self, xyz: Floats, front: pd.Series[Any]) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Indices of the points near a front, their places on the elevation, and how far out."""
+    def _flat(
+        self, xyz: Floats, firm: NDArray[np.bool_], front: pd.Series[Any]
+    ) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Indices of points of a mask near a front, their places on it, and how far out."""
         corner, right, up = np.asarray(front[PLACE], np.float64).reshape(3, 3)
         near = xyz - corner
         out = near @ np.cross(right, up)
-        which = np.flatnonzero(np.abs(out) <= self.image_depth)
+        which = np.flatnonzero(firm & (np.abs(out) <= self.image_depth))
         return which, near[which] @ np.column_stack([right, up]), out[which]
 
     def _cell(self, area: float, flat: list[tuple[NDArray[np.int64], Floats, Floats]]) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.ground import is_withheld
 from algorithms.shared.selection import ReturnKind, choice_problems, chosen
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
@@ -81,7 +82,8 @@ class PointsFilter:
 
     def _in_band(self, others: NDArray[np.bool_], low: float, high: float) -> NDArray[np.bool_]:
         """True for points in a height band above the lowest one that meets the other conditions."""
-        lowest = self.points["z"][others].min()
+        firm = others & ~is_withheld(self.points)
+        lowest = self.points["z"][firm if firm.any() else others].min()
         height = self.points["z"] - lowest
         band: NDArray[np.bool_] = (height >= low - ROUNDING) & (height <= high + ROUNDING)
         within, among = int((band & others).sum()), int(others.sum())

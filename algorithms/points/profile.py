@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.routes import IndexedRoute, Route, routes
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Drawing, PointCloud, Survey, Vector
@@ -123,12 +124,14 @@ class PointsProfile:
         ]
         ctx.progress(0.7)
         cut = _cut(cloud, found)
+        firm = without_withheld(cloud, np.ones(len(cloud), bool), ctx)
+        drawn = [place.of(firm[place.rows]) for place in found]
         surfaces = [
             self._surface(cloud, place, section)
-            for place, section in zip(found, sections, strict=True)
+            for place, section in zip(drawn, sections, strict=True)
         ]
         panels = [
-            self._panel(cloud, *parts) for parts in zip(sections, found, surfaces, strict=True)
+            self._panel(cloud, *parts) for parts in zip(sections, drawn, surfaces, strict=True)
         ]
         empty = sum(not len(place.rows) for place in found)
         if empty:

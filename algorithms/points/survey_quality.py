@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
-from algorithms.shared.ground import taking_part
+from algorithms.shared.ground import taking_part, without_withheld
 from algorithms.shared.windows import between
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
@@ -137,6 +137,7 @@ class PointsSurveyQuality:
         ctx.progress(0.0)
         cloud = self.points
         taken = taking_part(cloud, self.ignore)
+        without_withheld(cloud, np.ones(len(cloud), bool), ctx)  # tells their number
         first_there = taken & (cloud["return_number"] <= 1) if "return_number" in cloud else taken
         if not first_there.any():
             raise NothingToDo("points: there are none")

@@ -17,6 +17,7 @@ from algorithms.points import _thin_kernels as kernels
 from algorithms.points._groups import ROUNDING, cells, grouped
 from algorithms.shared import parameters
 from algorithms.shared.chance import random_keys
+from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import blocks, require_finite
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
@@ -130,7 +131,9 @@ class PointsThin:
             columns = [column for name in self.agree or () for column in _columns(cloud[name])]
             values = np.column_stack([cloud.xyz, *(column.astype(float) for column in columns)])
             return np.asarray((values + 0.0).view(np.int64))  # + 0.0 turns -0.0 into 0.0
-        return cells(cloud.xyz[:, : self.dimensions], self.cell)
+        codes = cells(cloud.xyz[:, : self.dimensions], self.cell)
+        withheld = is_withheld(cloud)  # thinned among themselves, as they stand for no others
+        return np.column_stack([codes, withheld]) if withheld.any() else codes
 
     def _key(self) -> Floats:
         """Key by which points are chosen, the lowest first; array of shape (n,)."""

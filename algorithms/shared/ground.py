@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.parameters import STRUCTURES, SURFACES
 from algorithms.shared.returns import ReturnNumbers, let_through, warn_of_missing
+from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.declare import Share
 from toolbox.errors import NothingToDo
@@ -70,6 +71,33 @@ def is_withheld(cloud: PointCloud) -> Mask:
     if "withheld" not in cloud:
         return np.zeros(len(cloud), bool)
     return np.asarray(cloud["withheld"] != 0)
+
+
+def without_withheld(cloud: PointCloud, keep: Mask, ctx: Context = QUIET) -> Mask:
+    """The points of a mask, without those flagged as withheld, which a warning counts.
+
+    Withheld means deleted (ASPRS LAS 1.4, table 9): such points make no surface and no figure. The
+    steps of a model that leave out the same points tell it once.
+
+    Parameters
+    ----------
+    keep : array of shape (n,)
+
+    Returns
+    -------
+    array of shape (n,)
+
+    Examples
+    --------
+    >>> cloud = PointCloud(np.zeros((2, 3)), {"withheld": np.array([0, 1], np.uint8)})
+    >>> without_withheld(cloud, np.array([True, True]))
+    array([ True, False])
+    """
+    left_out = keep & is_withheld(cloud)
+    if count := int(np.count_nonzero(left_out & cloud.core)):
+        text = "%d points are flagged as withheld (deleted), and are left out"
+        ctx.once("withheld", (count, len(cloud)), lambda: log.warning(text, count))
+    return np.asarray(keep & ~left_out)
 
 
 def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import AlphaShape, alpha_shape
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
@@ -119,6 +120,7 @@ class ShorelineAlphaShape:
             keep = np.isin(cloud["classification"], self.classes)
             if len(keep) and not keep.any():
                 raise NothingToDo(f"points: none is of class {self.classes}; classify them first")
+        keep = without_withheld(cloud, keep, ctx)
         xy = cloud.xyz[keep, :2]
         require_finite(xy)
         made = list(self._shapes(xy, keep, ctx))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.shared import parameters
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.polygons import polygons
@@ -266,10 +267,10 @@ class ShorelineStorageCurve:
         if self.terrain is not None:
             found = Lattice.of(self.terrain)
             return RasterBasin(self.terrain.band(), found, outline, ctx=ctx)
-        return PointBasin(self._ground_points(), outline, self.max_gap or math.inf, ctx=ctx)
+        return PointBasin(self._ground_points(ctx), outline, self.max_gap or math.inf, ctx=ctx)
 
-    def _ground_points(self) -> Array:
-        """The points of the chosen classes, array of shape (n, 3)."""
+    def _ground_points(self, ctx: Context) -> Array:
+        """The points of the chosen classes that are not withheld, array of shape (n, 3)."""
         cloud = self.points
         assert cloud is not None
         require_finite(cloud.xyz)
@@ -277,11 +278,11 @@ class ShorelineStorageCurve:
             keep = np.isin(cloud["classification"], self.classes)
             if len(keep) and not keep.any():
                 raise NothingToDo(f"points: none is of class {self.classes}; classify them first")
-            return cloud.xyz[keep]
+            return cloud.xyz[without_withheld(cloud, keep, ctx)]
         found = np.unique(cloud["classification"]) if "classification" in cloud else ()
         if len(found) > 1 and GROUND in found:
             log.warning("points of all classes are taken for ground; see the setting classes")
-        return cloud.xyz
+        return cloud.xyz[without_withheld(cloud, np.ones(len(cloud), bool), ctx)]
 
     def _fill(self, basin: PointBasin | RasterBasin, highest: float, ctx: Context) -> None:
         """Find the connected water, from the seed point or from the lowest ground."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.ground import is_withheld
 from toolbox.data import PointCloud
 from toolbox.declare import Attribute, ClassList
 from toolbox.errors import DataError
@@ -32,4 +33,6 @@ def why_none(cloud: PointCloud, classes: ClassList | None) -> str:
     """Reason why no point was chosen."""
     if len(cloud) and classes and not np.isin(cloud["classification"], classes).any():
         return f"points: none is of class {classes}; classify them first"
+    if withheld := int(np.count_nonzero(is_withheld(cloud))):
+        return f"points: there are none to grid besides {withheld} flagged as withheld"
     return "points: there are none to grid"

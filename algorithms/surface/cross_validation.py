@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared import parameters
 from algorithms.shared.error_measures import measures
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.selection import ReturnKind, choice_problems, chosen
 from algorithms.surface._gridding import STATISTICS, grid
 from algorithms.surface._samples import samples, why_none
@@ -185,6 +186,7 @@ class SurfaceCrossValidation:
     def run(self, ctx: Context = QUIET) -> SurfaceCrossValidation.Outputs:
         """Leave out fold by fold, and sum up the errors."""
         keep = chosen(self.points, self.classes, self.returns, self.where)
+        keep = without_withheld(self.points, keep, ctx)
         if not keep.any():
             raise DataError(why_none(self.points, self.classes))
         xy, values = samples(self.points, self.attribute, keep)

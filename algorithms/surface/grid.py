@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.ground import without_withheld
 from algorithms.shared.lowest import tell_of_one_cell
 from algorithms.shared.polygons import polygons
 from algorithms.shared.selection import ReturnKind, choice_problems, chosen
@@ -276,6 +277,7 @@ class SurfaceGrid:
         """Positions of shape (n, 2) and values of shape (n,) of the chosen points."""
         ctx.progress(0.0)
         keep = chosen(self.points, self.classes, self.returns, self.where)
+        keep = without_withheld(self.points, keep, ctx)
         ctx.progress(0.5)
         xy, values = samples(self.points, self.attribute, keep)
         ctx.progress(1.0)

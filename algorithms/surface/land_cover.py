@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
-from algorithms.shared.ground import taking_part
+from algorithms.shared.ground import taking_part, without_withheld
 from algorithms.shared.lowest import tell_of_one_cell
 from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context, log
@@ -84,6 +84,7 @@ class SurfaceLandCover:
         cloud = self.points
         classes = cloud["classification"].astype(np.int64)
         taken = taking_part(cloud, self.ignore)
+        without_withheld(cloud, np.ones(len(cloud), bool), ctx)  # tells their number
         if "return_number" in cloud:
             taken &= cloud["return_number"] <= 1
         if not taken.any():

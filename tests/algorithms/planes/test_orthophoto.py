@@ -28,6 +28,14 @@ def test_an_image_shows_points_where_they_are_on_the_elevation() -> None:
     assert window.min() > band[30:].max()
 
 
+def test_withheld_points_are_not_shown() -> None:
+    u, v = (a.ravel() for a in np.meshgrid(np.arange(0.05, 10, 0.1), np.arange(0.05, 6, 0.1)))
+    xyz = np.column_stack([500_000 + u, np.full(len(u), 4_400_000.02), 100 + v])
+    points = PointCloud(xyz, {"intensity": np.ones(len(u)), "withheld": u > 5}, crs=UTM)
+    found = PlanesOrthophoto(points=points, elevation=elevation(), cell=0.1, fill_cells=0).run()
+    assert found.filled_share == 0.5
+
+
 def test_empty_cells_take_the_nearest_within_reach() -> None:
     u, v = (a.ravel() for a in np.meshgrid(np.arange(0.05, 10, 0.3), np.arange(0.05, 6, 0.3)))
     xyz = np.column_stack([500_000 + u, np.full(len(u), 4_400_000.0), 100 + v])

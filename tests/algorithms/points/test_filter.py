@@ -74,6 +74,12 @@ def test_band_in_feet_is_given_in_metres() -> None:
     assert len(out.kept) == 2
 
 
+def test_withheld_points_do_not_tell_the_lowest() -> None:
+    points = cloud(withheld=np.array([0, 0, 0, 0, 1], np.uint8))
+    out = PointsFilter(points=points, elevation_above_lowest=Range(0, 0.2)).run()
+    assert out.kept["z"].tolist() == [5.0, 5.2]
+
+
 def test_halo_tells_tiles_whether_one_point_decides_for_all() -> None:
     assert PointsFilter(points=cloud()).halo() == 0
     assert PointsFilter(points=cloud(), elevation_above_lowest=Range(0, 1)).halo() == math.inf

@@ -99,6 +99,18 @@ def test_the_surface_is_that_of_the_ground() -> None:
     assert everything[:, 1].max() > 14  # the wall is drawn, too
 
 
+def test_withheld_points_are_in_the_section_but_not_drawn() -> None:
+    points = slope()
+    high = np.arange(len(points)) % 2 == 0
+    points = points.with_xyz(points.xyz + np.column_stack([0 * high, 0 * high, 90.0 * high]))
+    points = points.with_attributes({"withheld": high.astype(np.uint8)})
+    found = PointsProfile(points=points, line=line([(0, 0), (100, 0)]), width=4.0).run()
+    assert found.section["withheld"].any()
+    assert found.drawing.panels[0].xy[:, 1].max() < 40
+    (shape,) = found.surface.frame.geometry
+    assert shapely.get_coordinates(shape, include_z=True)[:, 2].max() < 40
+
+
 def test_gaps_are_not_drawn_across() -> None:
     chainage = np.array([0.1, 0.2, 0.6, 8.1, 8.6])
     found = medians(chainage, np.array([1.0, 3.0, 4, 5, 6]), 0.5, 5.0)

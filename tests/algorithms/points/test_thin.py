@@ -234,3 +234,12 @@ def test_real_files_keep_one_point_per_cell(data: Callable[[str], Path]) -> None
         assert len(found) == wanted < len(points)
         assert found.names == points.names
         assert len(np.unique(np.floor(found.xyz / 0.5 + 1e-6), axis=0)) == wanted
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_withheld_points_stand_for_no_others(method: str) -> None:
+    points = cloud(withheld=np.array([0, 0, 1, 0, 0, 0], np.uint8))
+    firm = points["withheld"] == 0
+    found, alone = thinned(points, method=method), thinned(points.select(firm), method=method)
+    assert np.array_equal(found.select(found["withheld"] == 0).xyz, alone.xyz)
+    assert found.select(found["withheld"] == 1)["number"].tolist() == [2]

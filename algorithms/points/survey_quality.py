@@ -4,7 +4,7 @@ References
 ----------
 USGS (2024). Lidar Base Specification 2024 rev. A: density of first returns, voids wider than four
 times the spacing of pulses, and differences of strips on open ground with slopes below 10 degrees
-by single returns.
+by single returns, at most 0.08 m (RMSDz) at quality levels 1 and 2.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.points._groups import grouped
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part, without_withheld
 from algorithms.shared.windows import between
@@ -34,6 +35,10 @@ STRIP, GROUND = "point_source_id", 2
 SPACINGS = 4.0  # of pulses, in a void by the specification
 FLATTEST = math.tan(math.radians(10.0))  # steepest ground on which strips are compared
 FEWEST = 3  # points of a strip in a cell, for a mean height
+LARGEST_RMS = 0.08  # metres: RMSDz of overlapping swaths, quality levels 1 and 2 (USGS 2024)
+ONE_SIDED = 0.1  # share of cells with ground of one strip alone; 0 to 0.07 in clean surveys
+FEWEST_CELLS = 10  # of them that are told
+COPIES = 0.01  # share of points at the place of another that is told; rounding makes a few
 
 
 @tool(
@@ -160,9 +165,12 @@ class PointsSurveyQuality:
         numbers = strips_in(place, strip, size).reshape(lattice.shape)
         ctx.progress(0.6)
         classes = _attribute(cloud, "classification", taken, 0)
+        flattest = lattice.cell * FLATTEST
+        means = whole = flat_means(place[single], strip[single], xyz[single, 2], flattest)
         if (classes == GROUND).any():
-            single &= classes == GROUND
-        means = flat_means(place[single], strip[single], xyz[single, 2], lattice.cell * FLATTEST)
+            bare = single & (classes == GROUND)
+            means = flat_means(place[bare], strip[bare], xyz[bare, 2], flattest)
+        warn_of_ground_of_one(means, whole)
         differences, pairs = compared(means, metre)
         ctx.progress(0.9)
         spread_of = np.full(size, np.nan)
@@ -175,6 +183,8 @@ class PointsSurveyQuality:
         if len(np.unique(strip)) < 2:
             log.warning("all points have one %s: strips are not told apart", STRIP)
         rms = pairs.attrs["rms"]
+        warn_of_strips(rms and rms / metre)
+        warn_of_copies(xyz)
         return self.Outputs(
             density=_raster(np.where(inside, density, np.nan), lattice, cloud, "density, 1/m2"),
             strips=_raster(np.where(inside, numbers, np.nan), lattice, cloud, "strips"),
@@ -189,6 +199,56 @@ class PointsSurveyQuality:
             strip_count=len(np.unique(strip)),
             overlap_share=float((numbers[inside] > 1).mean()),
             strip_rms=rms,
+        )
+
+
+def warn_of_strips(rms: float | None) -> None:
+    """Warn of strips that differ more than surveys may; `rms` is in metres."""
+    if rms is not None and rms > LARGEST_RMS:
+        log.warning(
+            "strips differ by %.2f m (RMS) on flat ground, more than the %.2f m that USGS allows "
+            "at quality levels 1 and 2: see pairs for strips that lie too high, or saw other "
+            "ground at another time",
+            rms,
+            LARGEST_RMS,
+        )
+
+
+def warn_of_ground_of_one(ground: pd.DataFrame, whole: pd.DataFrame) -> None:
+    """Warn where, in many flat cells, points of one strip are ground and those of another are not.
+
+    Then a filter may have taken the lower of two strips alone, and the others agree by choice.
+
+    Parameters
+    ----------
+    ground, whole : mean heights of strips in flat cells, by points of ground and by all of them
+    """
+    has_ground = whole["place"].isin(ground["place"])
+    both = whole[has_ground].groupby("place")["strip"].nunique()
+    cells = whole[has_ground & whole["place"].isin(both.index[both > 1])]
+    known = ground.set_index(["place", "strip"]).index
+    lacking = ~cells.set_index(["place", "strip"]).index.isin(known)
+    count, total = cells["place"][lacking].nunique(), cells["place"].nunique()
+    if count >= FEWEST_CELLS and count > ONE_SIDED * total:
+        log.warning(
+            "in %d of %d flat cells where strips overlap, one has points of ground and another "
+            "none: these are not compared, and strips may differ more than it seems; try the "
+            "points without classes",
+            count,
+            total,
+        )
+
+
+def warn_of_copies(xyz: Array) -> None:
+    """Warn where many points of shape (n, 3) lie at the place of another."""
+    places = np.ascontiguousarray(xyz + 0.0).view(np.int64)  # + 0.0 turns -0.0 into 0.0
+    copies = len(xyz) - grouped(places)[1]
+    if copies > COPIES * len(xyz):
+        log.warning(
+            "%d of %d points lie at the place (x, y, z) of another: if they are copies, densities "
+            "count them twice; points.thin removes duplicates",
+            copies,
+            len(xyz),
         )
 
 

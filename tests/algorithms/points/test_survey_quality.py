@@ -101,3 +101,37 @@ def test_points_on_a_line_have_no_density() -> None:
     for some in (one, one.select(np.arange(len(one)) < 1)):
         with pytest.raises(NothingToDo, match="no density"):
             quality(some)
+
+
+@pytest.mark.parametrize(("height", "told"), [(0.079, False), (0.081, True)])
+def test_strips_that_differ_more_than_surveys_may_are_told(
+    height: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """0.08 m is the largest RMSDz at quality levels 1 and 2, in feet as in metres."""
+    quality(strip(1, 0, 24), strip(2, 16, 40, height), cell=2.0)
+    foot = 1200 / 3937
+    metres = PointCloud.concat([strip(1, 0, 24), strip(2, 16, 40, height)])
+    names = {name: metres[name] for name in metres.names}
+    quality(PointCloud(metres.xyz / foot, names, crs=CRS(2263)), cell=2.0 / foot)
+    assert caplog.text.count("more than the 0.08 m") == 2 * told
+
+
+def test_ground_of_the_lower_strip_alone_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """A filter took the lower of two strips: those left to compare agree by its choice."""
+    low = [strip(1, 0, 40, classification=2), strip(2, 0, 16, classification=2)]
+    quality(*low, strip(2, 16, 40, 1.0, classification=1), cell=2.0)
+    assert "in 240 of 400 flat cells where strips overlap, one has points" in caplog.text
+    caplog.clear()
+    quality(low[0], strip(2, 0, 38, classification=2), strip(2, 38, 40, 5.0, classification=6))
+    assert "flat cells" not in caplog.text
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.0, False), (0.009, False), (0.02, True), (1, True)])
+def test_copies_of_points_are_told(
+    share: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    cloud = strip(1, 0, 40)
+    copies = cloud.select(np.arange(len(cloud)) < share * len(cloud))
+    quality(cloud, copies, cell=2.0)
+    text = f"{len(copies)} of {len(cloud) + len(copies)} points lie at the place (x, y, z)"
+    assert (text in caplog.text) is told

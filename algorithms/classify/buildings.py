@@ -108,8 +108,9 @@ class ClassifyBuildings:
     were squared.
 
     `radius`, `context` and `alpha` follow the density of the points unless they are given, and
-    `flat` the noise of points on the ground; much noise is told. Other points keep their class, and
-    become 1 if it was 6. Heights are HeightAboveGround if points have it.
+    `flat` the noise of points on the ground where pulses have several returns; much noise is told.
+    Other points keep their class, and become 1 if it was 6. Heights are HeightAboveGround if points
+    have it.
     """
 
     points: PointCloud = source("Points with classified ground")

@@ -518,6 +518,9 @@ class Errors:
     least_dense: float = tried(
         20.0, "points per 100 m", "of the wires found, below which others were not found"
     )
+    most_beside: float = tried(
+        0.6, "1", "share of the points of a span with others beside it, above which it is told"
+    )
 
 
 @dataclass

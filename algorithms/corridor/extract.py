@@ -34,6 +34,7 @@ from algorithms.corridor._extraction.ground import elevation
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
 from algorithms.corridor._extraction.missed import (
+    warn_of_edges,
     warn_of_left_out,
     warn_of_missed,
     warn_of_unseen_supports,
@@ -136,6 +137,7 @@ class CorridorExtract:
         warn_of_left_out([*corridor.left_out, *corridor.tied], points.origin, cloud.metre)
         towers = tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs)
         warn_of_unseen_supports(towers)
+        warn_of_edges(points, line.labels)
         return self.Outputs(
             classified=labelled(cloud, use, points.index, line.labels),
             towers=towers,

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.special import gammaincinv
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
+from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, on_wire
 from algorithms.corridor._settings import SETTINGS
 from toolbox.context import log
@@ -157,6 +159,33 @@ def warn_of_unseen_supports(towers: Vector) -> None:
             len(frame),
             SETTINGS.towers.known_by_points,
             ", ".join(unseen),
+        )
+
+
+def warn_of_edges(points: CorridorPoints, labels: Mapping[str, NDArray[np.uint32]]) -> None:
+    """Log which spans run beside other things nearly all along, as edges of buildings do.
+
+    Parameters
+    ----------
+    labels : span_id and tower_id of the points, 0 for none
+    """
+    xyz = points.air.xyz
+    span, tower = labels["span_id"][points.own], labels["tower_id"][points.own]
+    others, told = xyz[(span == 0) & (tower == 0)], []
+    reach = SETTINGS.curves.clutter_radius
+    for number in np.unique(span[span > 0]).tolist():
+        own = xyz[span == number]
+        near = (others > own.min(axis=0) - reach) & (others < own.max(axis=0) + reach)
+        beside = others[near.all(axis=1)]
+        if len(beside):
+            away, _ = cKDTree(beside).query(own, distance_upper_bound=reach)
+            told += [str(number)] * bool(np.isfinite(away).mean() > SETTINGS.errors.most_beside)
+    if told:
+        log.warning(
+            "span %s: nearly all along, other points lie within %g m of the wires; edges of roofs, "
+            "balconies and rails look like wires: look whether this is a line",
+            ", ".join(told),
+            reach,
         )
 
 

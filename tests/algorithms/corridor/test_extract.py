@@ -8,6 +8,8 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,7 +43,12 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
-from algorithms.corridor._extraction.missed import conductor_counts, seen_share, warn_of_missed
+from algorithms.corridor._extraction.missed import (
+    conductor_counts,
+    seen_share,
+    warn_of_edges,
+    warn_of_missed,
+)
 from algorithms.corridor._extraction.spans import Wire, stands_alone, upheld
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
@@ -1001,6 +1008,24 @@ def test_points_too_few_to_see_all_wires_are_told(
     text = "the points are too few to see all wires: those found have 10 per 100 m, and below 20"
     assert (text in caplog.text) == told
     warn_of_missed(Vector(frame[:0]))
+
+
+@pytest.mark.parametrize(
+    ("aside", "share", "told"), [(1.0, 0.8, True), (1.0, 0.4, False), (2.0, 1.0, False)]
+)
+def test_a_span_beside_other_things_all_along_is_told(
+    aside: float, share: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Two wires of 50 m, a metre apart; a wall goes along with them, so far aside."""
+    along = np.arange(0.0, 50.0, 0.5)
+    wires = [np.column_stack([along, 0 * along + y, 0 * along + 9]) for y in (0, 1)]
+    wall = np.column_stack([along, 0 * along - aside, 0 * along + 9])[: round(share * len(along))]
+    both = np.column_stack([along, 0 * along + 1 + aside, 0 * along + 9])[: len(wall)]
+    span = np.repeat([1, 1, 0, 0], [len(along), len(along), len(wall), len(both)])
+    xyz = np.concatenate([*wires, wall, both])
+    points: Any = SimpleNamespace(air=SimpleNamespace(xyz=xyz), own=np.arange(len(xyz)))
+    warn_of_edges(points, {"span_id": span, "tower_id": 0 * span})
+    assert ("span 1: nearly all along" in caplog.text) == told
 
 
 def test_gaps_that_chance_explains_are_seen() -> None:

@@ -152,10 +152,15 @@ class PointFeatures:
         normals = np.column_stack([found["nx"], found["ny"], found["nz"]])
         return _frozen(off_plane[place]), _frozen(normals[place])
 
+    @property
+    def follows_noise(self) -> bool:
+        """Whether points may be farther from planes where the ground scatters more."""
+        return self.by_noise and self.has_several_returns
+
     @functools.cached_property
     def flatness(self) -> Floats:
         """Metres from a plane up to which points around each point lie on it, shape (n,)."""
-        if not (self.by_noise and self.has_several_returns):
+        if not self.follows_noise:
             return np.broadcast_to(np.float64(self.flat), len(self.xyz))
         scatter, ground, metre = self.planes[0], self.terrain[0], self.cloud.metre
         found = _flatness.by_noise(self.xyz[:, :2], scatter, ground, self.flat, metre)
@@ -187,8 +192,8 @@ class PointFeatures:
         Roofs are known by a share ON_PLANES of their points. Where not even the ground has it,
         which is as smooth as they are, no roof can.
         """
-        if self.by_noise and self.has_several_returns:
-            return  # `flat` follows it
+        if self.follows_noise:
+            return
         scatter = self.planes[0][self.terrain[0]]
         scatter = scatter[np.isfinite(scatter)]
         if not len(scatter) or np.mean(scatter <= self.flat) >= ON_PLANES:

@@ -73,18 +73,16 @@ def rows(made: Trained, data: Rows, given: Ints) -> Iterator[dict[str, Any]]:
 
 def beyond(made: Trained, data: Rows) -> NDArray[np.bool_]:
     """True for points with a feature outside of all that was learnt from, array of shape (n,)."""
-    edges = np.array(made.about["quantiles"])
-    low, high = edges.min(axis=(1, 2)), edges.max(axis=(1, 2))
+    low, high = made.limits
     return np.asarray(((data < low) | (data > high)).any(axis=1))
 
 
 def stuck(made: Trained, data: Rows) -> Iterator[tuple[str, float]]:
     """Features that have one value in all points, beyond all of the training, and the value."""
-    edges = np.array(made.about["quantiles"])
-    for name, own, column in zip(made.features, edges, data.T, strict=True):
+    for name, low, high, column in zip(made.features, *made.limits, data.T, strict=True):
         known = column[np.isfinite(column)]
         one = len(known) and known.min() == known.max()
-        if one and not own.min() <= known[0] <= own.max():
+        if one and not low <= known[0] <= high:
             yield name, float(known[0])
 
 

@@ -75,6 +75,12 @@ class Trained:
         """Calibrated probability of each class of points with features of shape (n, f), (n, k)."""
         return softmax(self.scores(data, ctx) / float(self.about["temperature"]))
 
+    @property
+    def limits(self) -> tuple[Floats, Floats]:
+        """Least and greatest value of each feature in all of the training, arrays of shape (f,)."""
+        edges = np.array(self.about["quantiles"])
+        return edges.min(axis=(1, 2)), edges.max(axis=(1, 2))
+
     def _within(self, data: NDArray[np.float32]) -> NDArray[np.float32]:
         """Features no farther out than any that was learnt from, as trees take them by nature.
 
@@ -82,8 +88,8 @@ class Trained:
         """
         if "quantiles" not in self.about:  # of a fold, whose kept points lie in the same survey
             return data
-        edges = np.array(self.about["quantiles"], np.float32)
-        return np.clip(data, edges.min(axis=(1, 2)), edges.max(axis=(1, 2)))
+        low, high = (limit.astype(np.float32) for limit in self.limits)
+        return np.clip(data, low, high)
 
     def scores(self, data: NDArray[np.float32], ctx: Context = QUIET) -> Floats:
         """Logarithms of the probabilities before calibration, but for a term of each point."""

@@ -21,7 +21,7 @@ from algorithms.classify._flatness import FLAT
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
-from algorithms.shared.kernels.sorting import add_ranges
+from algorithms.shared.kernels.sorting import add_ranges, grouped
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers, let_through
@@ -42,8 +42,6 @@ LET_THROUGH, ON_PLANES = 0.25, 0.12  # shares around, of vegetation at least and
 HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
 FINE = float(1 << 20)  # steps in which features are summed up, so that sums are exact
 MOST = 1 << 20  # voxels along an axis
-STRIDES = np.array([1 << 42, 1 << 21, 1])  # from the number of a voxel to those beside it
-OTHER_SIDE = np.int64(1 << 62)  # to that of the same voxel on the other side of the ground
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -299,9 +297,11 @@ def means_around(
     cells -= cells.min(axis=0) - int(reach) - 1
     if cells.max() >= MOST:
         raise DataError(f"points: they extend over more than {MOST} m: remove stray points")
-    keys = cells @ STRIDES + group * OTHER_SIDE
+    size = cells.max(axis=0) + int(reach) + 2
+    strides = np.array([size[1] * size[2], size[2], 1])
+    keys = cells @ strides + group * (size[0] * strides[0])
     ctx.progress(0.1)
-    own, place = np.unique(keys, return_inverse=True)
+    own, place = grouped(keys)
     ctx.progress(0.4)
     before = np.zeros((len(own) + 1, 1 + values.shape[1]), np.int64)
     before[1:, 0] = np.bincount(place)
@@ -312,7 +312,7 @@ def means_around(
     total = np.zeros((len(own), before.shape[1]), np.int64)
     columns = _ball(reach)
     for done, (east, north, far) in enumerate(columns):
-        add_ranges(own, east * STRIDES[0] + north * STRIDES[1], far, before, total)
+        add_ranges(own, east * strides[0] + north * strides[1], far, before, total)
         ctx.progress(0.6 + 0.4 * (done + 1) / len(columns))
     return _frozen((total[:, 1:] / FINE / total[:, :1])[place])
 

@@ -25,6 +25,7 @@ from algorithms.points import _denoise_kernels as kernels
 from algorithms.points._noise_bounds import lowest_around
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
+from algorithms.shared.kernels.sorting import stable
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks, require_finite
 from algorithms.shared.neighbours import PointTree
@@ -389,8 +390,8 @@ class Columns:
     """Points sorted by cell; only cells with points are stored."""
 
     def __init__(self, number: Indices) -> None:
-        self.order: Indices = np.argsort(number, kind="stable")
-        number = number[self.order]
+        order, number = stable(number)
+        self.order: Indices = order
         starts = np.flatnonzero(np.r_[True, number[1:] != number[:-1]])
         self.numbers: Indices = number[starts]
         self.edges: Indices = np.append(starts, len(number))

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.kernels.sorting import stable
 from algorithms.shared.lowest import blocks, require_finite
 
 MOST = 1 << 20  # cubes along an axis; wider ones are taken beyond that
@@ -64,8 +65,7 @@ class SortedCells:
         size = cell.max(axis=0, initial=1) + 2  # an empty cube on each side, so that none is beside
         stride = int(size[1] * size[2]), int(size[2])
         key = cell[:, 0] * stride[0] + cell[:, 1] * stride[1] + cell[:, 2]
-        order = np.argsort(key, kind="stable")
-        key = key[order]
+        order, key = stable(key)
         first = np.flatnonzero(np.diff(key, prepend=-1))
         return cls(xyz[order], order, key[first], np.append(first, len(key)), stride)
 

@@ -13,10 +13,12 @@ cylinders.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from algorithms.classify._learning import kernels
 from toolbox.errors import DataError
@@ -47,8 +49,11 @@ NAMES = (
     "below_top",
 )
 """Those that there are; see :func:`features`."""
+EXTREMES = ("above_lowest", "below_highest")  # need neither heights nor sums
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -73,8 +78,8 @@ class Measured:
     variation: Floats
 
 
-def features(points: Measured, radius: float) -> dict[str, NDArray[np.float32]]:
-    """All features of NAMES, arrays of shape (n,); NaN where a column has none.
+def features(points: Measured, radius: float, names: Sequence[str] = NAMES) -> dict[str, Singles]:
+    """Some features of NAMES, arrays of shape (n,); NaN where a column has none.
 
     above_lowest and below_highest are metres from the lowest and highest point of the nine cells,
     top_height the height of their highest one and top_spread the standard deviation of the highest
@@ -93,28 +98,47 @@ def features(points: Measured, radius: float) -> dict[str, NDArray[np.float32]]:
     """
     cell = np.floor((points.xyz[:, :2] + BORDER) / radius).astype(np.int64)
     cell -= cell.min(axis=0) - 1
-    rows, cols = cell.max(axis=0) + 2
+    rows, cols = (int(size) for size in cell.max(axis=0) + 2)
     if rows * cols > MOST_CELLS:
         raise DataError("points: they extend too far for these radii: remove stray points")
-    found = np.empty((len(NAMES), len(cell)), np.float32)
+    place = cell[:, 0] * cols + cell[:, 1]
+    found = _extremes(points.xyz[:, 2], place, rows, cols)
+    if any(name not in EXTREMES for name in names):
+        found |= _sums(points, place, rows, cols)
+    return {name: found[name] for name in names}
+
+
+def _extremes(z: Floats, place: Ints, rows: int, cols: int) -> dict[str, Singles]:
+    """How far points are from the lowest and the highest one of nine cells."""
+    low, high = np.full((rows, cols), np.inf), np.full((rows, cols), -np.inf)
+    np.minimum.at(low.reshape(-1), place, z)
+    np.maximum.at(high.reshape(-1), place, z)
+    low, high = minimum_filter(low, 3), maximum_filter(high, 3)
+    found = z - low.reshape(-1)[place], high.reshape(-1)[place] - z
+    return {name: away.astype(np.float32) for name, away in zip(EXTREMES, found, strict=True)}
+
+
+def _sums(points: Measured, place: Ints, rows: int, cols: int) -> dict[str, Singles]:
+    """What nine cells have in sum."""
+    names = [name for name in NAMES if name not in EXTREMES]
+    found = np.empty((len(names), len(place)), np.float32)
     steps = np.rint(np.where(np.isfinite(points.height), points.height, 0.0) * STEPS)
+    bent = np.where(np.isnan(points.variation), SHAPELESS, points.variation)
     kernels.columns(
-        cell[:, 0] * cols + cell[:, 1],
-        int(cols),
-        int(rows),
+        place,
+        cols,
+        rows,
         points.xyz[:, 2],
         steps.astype(np.int64),
         points.ground,
         points.passing,
         np.rint(points.intensity).astype(np.int64),
-        np.rint(np.where(np.isnan(bent := points.variation), SHAPELESS, bent) * SHARES).astype(
-            np.int64
-        ),
+        np.rint(bent * SHARES).astype(np.int64),
         steps > HIGH * STEPS,
         points.variation < FLAT,
         found,
     )
     for name in ("top_height", "top_spread", "mean_height", "height_spread", "above_mean"):
-        found[NAMES.index(name)] /= np.float32(STEPS)
-    found[NAMES.index("mean_variation")] /= np.float32(SHARES)
-    return dict(zip(NAMES, found, strict=True))
+        found[names.index(name)] /= np.float32(STEPS)
+    found[names.index("mean_variation")] /= np.float32(SHARES)
+    return dict(zip(names, found, strict=True))

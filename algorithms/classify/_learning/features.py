@@ -21,10 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify._evidence import MADE, PointFeatures
-from algorithms.classify._learning import columns
+from algorithms.classify._learning import columns, kernels
 from algorithms.classify._learning.columns import BORDER, Measured
 from algorithms.classify._learning.columns import NAMES as COLUMN
 from algorithms.shared.covariance import FEATURES, covariance_features
+from algorithms.shared.kernels.sorting import grouped
+from algorithms.shared.kernels.threads import in_blocks
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers
 from toolbox.context import QUIET, Context
@@ -39,6 +41,7 @@ MOST = 1 << 20  # voxels, and cells, along an axis
 WITHOUT_HEIGHTS = {"above_lowest", "below_highest", "mean_intensity", "intensity_spread"}
 BENT = {"flat_share", "mean_variation"}
 LARGEST = 10.0  # metres, of a radius
+RUN = 1 << 16  # points that one thread takes at once
 DIGITS = 4  # of features, so that what arithmetic rounds otherwise makes no other tree
 PLANE_RADIUS, CONTEXT = 1.0, 3.0  # metres, of the features of classify.som
 LOCAL = (
@@ -114,7 +117,7 @@ def described(
     DataError
         The points extend over too many voxels.
     """
-    made = np.empty((len(names), len(cloud)), np.float32)  # each is written and rounded in a row
+    made = np.empty((len(names), len(cloud)), np.float32)  # each is written in a row
     metre = cloud.metre
     single = PointFeatures(cloud, PLANE_RADIUS * metre, CONTEXT * metre, ctx.part(0.0, 0.5))
     for k, name in enumerate(names):
@@ -127,8 +130,15 @@ def described(
         wanted = [(k, split(name)[0]) for k, name in enumerate(names) if split(name)[1] == radius]
         for k, values in _of_radius(measured, radius, wanted, part):
             made[k] = values
+    found = np.empty((len(cloud), len(names)), np.float32)
+
+    def fill(first: int, last: int) -> None:
+        """Write the features of some points side by side."""
+        kernels.rounded_rows(first, last, made, 10.0**DIGITS, found)
+
+    in_blocks(fill, len(cloud), RUN)
     ctx.progress(1.0)
-    return np.ascontiguousarray(np.round(made, DIGITS, out=made).T)
+    return found
 
 
 def _measured(cloud: PointCloud, single: PointFeatures, bases: set[str]) -> Measured:
@@ -159,8 +169,9 @@ def _of_radius(
         coarse, place = voxel_means(points.xyz, radius / PER_RADIUS)
         made = covariance_features(coarse, neighbours=None, radius=radius, names=local, ctx=ctx)
         found |= {name: values[place] for name, values in made.items()}
-    if any(base in COLUMN for _, base in wanted) and len(points.xyz):
-        found |= columns.features(points, radius)
+    asked = [base for _, base in wanted if base in COLUMN]
+    if asked and len(points.xyz):
+        found |= columns.features(points, radius, asked)
     return [(k, found[base]) for k, base in wanted if base in found]
 
 
@@ -170,28 +181,35 @@ def voxel_means(xyz: Floats, side: float) -> tuple[Floats, NDArray[np.int64]]:
     The voxels begin at the origin of the coordinates and sums are exact, so that neither other
     voxels nor the order of the points matter.
 
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), at least one point
+    side : of a voxel, in the unit of xyz
+
     Raises
     ------
     DataError
         There are more than MOST voxels along an axis.
     """
-    place = (xyz + BORDER) / side
-    index = np.floor(place)
-    inside = np.rint((place - index) * FINE)
-    keys = _keys(index.astype(np.int64))
-    _, first, number, count = np.unique(
-        keys, return_index=True, return_inverse=True, return_counts=True
-    )
-    means = np.column_stack([np.bincount(number, column) for column in inside.T]) / FINE
-    return (index[first] + means / count[:, None]) * side - BORDER, number
-
-
-def _keys(index: NDArray[np.int64]) -> NDArray[np.int64]:
-    """One number for each voxel, from its three numbers."""
-    index = index - index.min(axis=0)
-    if index.max(initial=0) >= MOST:
-        raise DataError(f"points: more than {MOST} voxels along an axis: remove stray points")
-    return np.asarray((index[:, 0] * MOST + index[:, 1]) * MOST + index[:, 2])
+    keys = np.zeros(len(xyz), np.int64)
+    lowest, size, inside = np.empty(3), np.empty(3, np.int64), []
+    for axis in range(3):
+        place = (xyz[:, axis] + BORDER) / side
+        index = np.floor(place)
+        inside.append(np.rint((place - index) * FINE))
+        lowest[axis] = index.min()
+        size[axis] = index.max() - lowest[axis] + 1
+        if size[axis] > MOST:
+            raise DataError(f"points: more than {MOST} voxels along an axis: remove stray points")
+        keys = keys * size[axis] + (index - lowest[axis]).astype(np.int64)
+    voxels, number = grouped(keys)
+    count = np.bincount(number, minlength=len(voxels))
+    means = np.empty((len(voxels), 3))
+    for axis in (2, 1, 0):
+        voxels, index = np.divmod(voxels, size[axis])
+        mean = np.bincount(number, inside[axis], minlength=len(count)) / FINE / count
+        means[:, axis] = (index + lowest[axis] + mean) * side - BORDER
+    return means, number
 
 
 def density(xyz: Floats) -> float:

@@ -109,16 +109,16 @@ SUMS = 11
 
 @njit(cache=True, nogil=True)
 def columns(place, cols, rows, z, height, ground, passing, light, bent, high, flat, found):
-    """Fill in the features of columns, as :mod:`algorithms.classify._learning.columns` names them.
+    """Fill in what sums of columns tell, as :mod:`algorithms.classify._learning.columns` names it.
 
     `place` is the number of the cell of each point, row after row, with an empty cell at each side.
     """
     sums = np.zeros((rows * cols, SUMS), np.int64)
-    lowest, highest = np.full(rows * cols, np.inf), np.full(rows * cols, -np.inf)
+    highest = np.full(rows * cols, -np.inf)
     top = np.full(rows * cols, -(1 << 40), np.int64)
     for i in range(len(place)):
         own, p = sums[place[i]], place[i]
-        lowest[p], highest[p] = min(lowest[p], z[i]), max(highest[p], z[i])
+        highest[p] = max(highest[p], z[i])
         top[p] = max(top[p], height[i])
         own[COUNT] += 1
         own[LIGHT] += light[i]
@@ -135,22 +135,20 @@ def columns(place, cols, rows, z, height, ground, passing, light, bent, high, fl
                 own[HIGH] += 1
                 own[FLAT] += flat[i]
     around = np.full((rows * cols, len(found)), np.nan, np.float32)
-    low, up = lowest.copy(), highest.copy()
     total = np.empty(SUMS, np.int64)
     for p in range(cols + 1, rows * cols - cols - 1):
         if sums[p, COUNT] > 0:
-            _column(p, cols, sums, lowest, highest, top, total, low, up, around[p])
+            _column(p, cols, sums, top, total, around[p])
     for i in range(len(place)):
         p = place[i]
         found[:, i] = around[p]
-        found[0, i], found[1, i] = z[i] - low[p], up[p] - z[i]
-        found[8, i] = height[i] - around[p, 6]
-        found[13, i] = highest[p] - z[i]
+        found[6, i] = height[i] - around[p, 4]
+        found[11, i] = highest[p] - z[i]
 
 
 @helper
-def _column(p, cols, sums, lowest, highest, top, total, low, high, row):
-    """Fill in what nine cells have in common: in `row`, and their lowest and highest points."""
+def _column(p, cols, sums, top, total, row):
+    """Fill in the row of what nine cells have in common."""
     total[:] = 0
     most, cells, first, second = -(1 << 40), 0, 0, 0
     for dy in range(-1, 2):
@@ -158,22 +156,21 @@ def _column(p, cols, sums, lowest, highest, top, total, low, high, row):
             q = p + dy * cols + dx
             if sums[q, COUNT] == 0:
                 continue
-            low[p], high[p] = min(low[p], lowest[q]), max(high[p], highest[q])
             most, cells = max(most, top[q]), cells + 1
             first, second = first + top[q], second + top[q] * top[q]
             for k in range(SUMS):
                 total[k] += sums[q, k]
-    row[2], row[3] = most, _spread(cells, first, second)
-    row[4] = total[GROUND] / total[COUNT]
+    row[0], row[1] = most, _spread(cells, first, second)
+    row[2] = total[GROUND] / total[COUNT]
     if total[ABOVE] > 0:
-        row[5] = total[PASSING] / total[ABOVE]
-        row[6] = total[HEIGHT] / total[ABOVE]
-        row[7] = _spread(total[ABOVE], total[HEIGHT], total[HEIGHTS])
-        row[11] = total[BENT] / total[ABOVE]
+        row[3] = total[PASSING] / total[ABOVE]
+        row[4] = total[HEIGHT] / total[ABOVE]
+        row[5] = _spread(total[ABOVE], total[HEIGHT], total[HEIGHTS])
+        row[9] = total[BENT] / total[ABOVE]
     if total[HIGH] > 0:
-        row[12] = total[FLAT] / total[HIGH]
-    row[9] = total[LIGHT] / total[COUNT]
-    row[10] = _spread(total[COUNT], total[LIGHT], total[LIGHTS])
+        row[10] = total[FLAT] / total[HIGH]
+    row[7] = total[LIGHT] / total[COUNT]
+    row[8] = _spread(total[COUNT], total[LIGHT], total[LIGHTS])
 
 
 @helper
@@ -181,3 +178,17 @@ def _spread(count, first, second):
     """Standard deviation from a count, a sum and a sum of squares."""
     mean = first / count
     return math.sqrt(max(second / count - mean * mean, 0.0))
+
+
+@njit(cache=True, nogil=True)
+def rounded_rows(first, last, columns, steps, rows):
+    """Fill in rows first..last, each a point, from columns of numbers; rounded to 1 / `steps`.
+
+    A few points at a time, so that what lies side by side in either array is used at once.
+    """
+    one = np.float32(steps)
+    for begin in range(first, last, TOGETHER):
+        end = min(begin + TOGETHER, last)
+        for k in range(len(columns)):
+            for i in range(begin, end):
+                rows[i, k] = np.rint(columns[k, i] * one) / one

@@ -48,6 +48,7 @@ WITHOUT = {  # tools that no change of a single cloud tells anything about
     "planes.orthophoto": "needs fronts",
     "points.assign_crs": "needs points without a CRS",
     "points.feature_codes": "renames classes, point by point",
+    "points.denoise_voxels": "counts in voxels of a lattice, which turning and shifting change",
     "points.index": "lists files",
     "points.merge": "joins files",
     "points.normalise": "gives the heights of points.height_above_ground",

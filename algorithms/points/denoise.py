@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.points import _denoise_kernels as kernels
+from algorithms.points import _noise
 from algorithms.points._noise_bounds import lowest_around
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
@@ -36,7 +37,6 @@ from toolbox.errors import DataError, NothingToDo
 
 LOW, HIGH = kernels.LOW, kernels.HIGH
 LEAST_DEVIATION = 0.25  # of what is usual: with the threshold of 10, 3.5 times that is no noise
-MOST = 0.01  # share of points that can be noise: ten times what surveyors have labelled so
 FEW = 10  # points of which no share is taken
 SPARE = 2.0  # times the distance in which half of the points have their neighbours: for four times
 # as many
@@ -87,12 +87,7 @@ class PointsDenoise:
     """
 
     points: PointCloud = source("Points to clean")
-    action: Literal["remove", "label"] = param(
-        "What to do with noise",
-        default="remove",
-        label="What to do with noise",
-        words={"label": "Label as noise"},
-    )
+    action: Literal["remove", "label"] = _noise.action()
     neighbours: int = param("Neighbours of a point", default=20, unit="1", ge=1, le=1000)
     threshold: float = param(
         "Standard deviations that the mean distance may lie above the usual",
@@ -151,10 +146,7 @@ class PointsDenoise:
 
         def in_words(self) -> str:
             """How many points are noise."""
-            if not (found := self.low_noise + self.high_noise):
-                return "No point was taken for noise."
-            were = "point was" if found == 1 else "points were"
-            return f"{found} {were} taken for noise: {self.low_noise} low, {self.high_noise} high."
+            return _noise.in_words(self.low_noise, self.high_noise)
 
     def check(self) -> Iterator[tuple[str, str]]:
         """No more neighbours are required than searched for."""
@@ -195,10 +187,12 @@ class PointsDenoise:
                 instead=outputs,
             )
         found = np.count_nonzero(verdict)
-        if found > max(FEW, MOST * count):
+        if found > max(FEW, _noise.MOST * count):
             share = f"{found} of {count} points ({100 * found / count:.3g} %) are called noise"
             advice = self._advice(xyz, ctx.part(0.9, 1.0))
-            log.warning("%s, and no survey has more than %g %%; %s", share, 100 * MOST, advice)
+            log.warning(
+                "%s, and no survey has more than %g %%; %s", share, 100 * _noise.MOST, advice
+            )
         ctx.progress(1.0)
         return outputs
 
@@ -211,19 +205,12 @@ class PointsDenoise:
         return "look at them with action label, and raise threshold"
 
     def _outputs(self, verdict: Verdicts) -> PointsDenoise.Outputs:
-        cloud, found = self.points, verdict > 0
+        cloud = self.points
         return self.Outputs(
-            clean=_labelled(cloud, verdict) if self.action == "label" else cloud.select(~found),
+            clean=_noise.without(cloud, verdict, self.action),
             low_noise=int(np.count_nonzero(cloud.core & (verdict == LOW))),
             high_noise=int(np.count_nonzero(cloud.core & (verdict == HIGH))),
         )
-
-
-def _labelled(cloud: PointCloud, verdict: Verdicts) -> PointCloud:
-    """The cloud with the noise in classes 7 and 18."""
-    old: NDArray[Any] = cloud["classification"] if "classification" in cloud else 0 * verdict
-    classes = np.where(verdict > 0, verdict, old).astype(np.uint8)
-    return cloud.with_attributes({"classification": classes})
 
 
 def noise(

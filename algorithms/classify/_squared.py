@@ -25,7 +25,7 @@ from shapely.geometry.polygon import orient
 NEAR = np.radians(25)  # edges that are turned into a main direction by at most this
 AGREE = np.radians(10)  # edges at a larger angle do not speak for the same direction
 SHORT = 4.0  # times the tolerance: slanted edges that are shorter are corners cut off, no walls
-ROUND = 1.8  # times the radius of the disc: the same in inner corners, into which it does not get
+ROUND = 2.2  # times the radius of the disc: the same in inner corners, into which it does not get
 ALONG, ACROSS, SLANTED = range(3)  # kinds of edges, by the main direction
 PARALLEL = 1e-9  # sine of the angle between walls that meet nowhere
 
@@ -63,18 +63,28 @@ class Wall(NamedTuple):
 
     @classmethod
     def of(cls, chain: Floats, kind: int) -> Wall:
-        """The wall at the mean position of a piece of the outline."""
+        """The wall at the mean position of a piece of the outline, slanted ones as it lies."""
+        middle, length = (chain[1:] + chain[:-1]) / 2, np.hypot(*np.diff(chain, axis=0).T)
         if kind == SLANTED:
-            east, north = chain[-1] - chain[0]
-            normal = np.array([-north, east]) / np.hypot(east, north)
+            normal = _normal(chain)
         else:
             normal = np.array([0.0, 1.0] if kind == ALONG else [1.0, 0.0])
-        middle, length = (chain[1:] + chain[:-1]) / 2, np.hypot(*np.diff(chain, axis=0).T)
         return cls(kind, chain, normal, float(np.average(middle @ normal, weights=length)))
 
     def nearest(self, point: Floats) -> Floats:
         """The point on the line of a wall that is nearest to a point."""
         return np.asarray(point + (self.away - point @ self.normal) * self.normal)
+
+
+def _normal(chain: Floats) -> Floats:
+    """Square to the direction in which a piece of an outline is spread most, of length 1."""
+    step = np.diff(chain, axis=0)
+    length = np.hypot(*step.T)
+    off = (chain[1:] + chain[:-1]) / 2
+    off = off - np.average(off, axis=0, weights=length)
+    spread = (off * length[:, None]).T @ off + (step * length[:, None]).T @ step / 12
+    east, north = np.linalg.eigh(spread)[1][:, -1]
+    return np.array([-north, east])
 
 
 def squared(outline: Any, tolerance: float, disc: float = 0.0) -> tuple[Any, bool]:
@@ -171,21 +181,46 @@ def _chains(ring: Floats, few: Floats) -> list[Floats]:
 
 def _walls(edges: list[Floats], limits: WallLimits) -> list[Wall]:
     """Walls of a ring; edges in one line are joined, and those that cut corners left out."""
-    steps = [edge[-1] - edge[0] for edge in edges]
-    kinds = [_kind(step, limits.tolerance) for step in steps]
+    kinds = [_kind(edge[-1] - edge[0], limits.tolerance) for edge in edges]
     walls: list[Wall] = []
     for k in _from_a_corner(kinds):
-        before, after = k - 1, (k + 1) % len(edges)
+        if _cuts_a_corner(k, edges, kinds, limits):
+            continue
         wall = Wall.of(edges[k], kinds[k])
-        if wall.kind == SLANTED and SLANTED not in (kinds[before], kinds[after]):
-            is_outer = np.linalg.det([steps[before], steps[after]]) > 0
-            if np.hypot(*steps[k]) < (limits.outer if is_outer else limits.inner):
-                continue
         if walls and in_line(walls[-1], wall, limits.tolerance):
             walls[-1] = Wall.of(np.concatenate([walls[-1].chain, wall.chain]), wall.kind)
         else:
             walls.append(wall)
     return walls
+
+
+def _cuts_a_corner(k: int, edges: list[Floats], kinds: list[int], limits: WallLimits) -> bool:
+    """Whether an edge is no wall, but lies across the corner of the walls before and after it.
+
+    Between square walls any slanted edge does that is near to their corner. Beside a slanted wall
+    it has to turn the same way at both ends, and both walls have to be longer than it and than any
+    cut: the edges of an arc are not.
+    """
+    others = k - 1, (k + 1) % len(edges)
+    before, step, after = (edges[i][-1] - edges[i][0] for i in (others[0], k, others[1]))
+    turns = _turn(before, step), _turn(step, after)
+    limit = limits.outer if np.linalg.det([before, after]) > 0 else limits.inner
+    length = np.hypot(*step)
+    are_square = SLANTED not in (kinds[others[0]], kinds[others[1]])
+    if are_square and kinds[others[0]] == kinds[others[1]]:
+        return bool(kinds[k] == SLANTED and length < limit)
+    meeting = _meeting(*(Wall.of(edges[i], kinds[i]) for i in others))
+    if meeting is None or _from_chord(meeting, edges[k]) >= limit / 2:
+        return False
+    if are_square:
+        return kinds[k] == SLANTED
+    walls = min(np.hypot(*before), np.hypot(*after))
+    return bool(turns[0] * turns[1] > 0 and walls > max(length, limit))
+
+
+def _turn(step: Floats, after: Floats) -> float:
+    """Angle by which an edge turns from the one before, to the left, in radians."""
+    return float(np.arctan2(np.linalg.det([step, after]), step @ after))
 
 
 def in_line(one: Wall, other: Wall, tolerance: float) -> bool:
@@ -212,10 +247,22 @@ def _from_a_corner(kinds: list[int]) -> list[int]:
 
 def _corners_between(one: Wall, other: Wall, far: float) -> list[Floats]:
     """The corner where two walls meet; two corners, a step, if that is far from their ends."""
-    ends = (one.chain[-1] + other.chain[0]) / 2
+    ends = np.array([one.chain[-1], other.chain[0]])
+    meeting = _meeting(one, other)
+    if meeting is not None and _from_chord(meeting, ends) <= far:
+        return [meeting]
+    middle = ends.mean(axis=0)
+    return [one.nearest(middle), other.nearest(middle)]
+
+
+def _from_chord(place: Floats, chain: Floats) -> float:
+    """Distance of a place from the straight line between the ends of a piece of an outline."""
+    return float(shapely.distance(shapely.Point(place), shapely.LineString(chain[[0, -1]])))
+
+
+def _meeting(one: Wall, other: Wall) -> Floats | None:
+    """Where the lines of two walls meet, unless they are parallel."""
     both = np.array([one.normal, other.normal])
-    if abs(np.linalg.det(both)) > PARALLEL:
-        meeting = np.linalg.solve(both, [one.away, other.away])
-        if np.hypot(*(meeting - ends)) <= far:
-            return [meeting]
-    return [one.nearest(ends), other.nearest(ends)]
+    if abs(np.linalg.det(both)) <= PARALLEL:
+        return None
+    return np.asarray(np.linalg.solve(both, [one.away, other.away]))

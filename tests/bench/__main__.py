@@ -8,6 +8,7 @@ import sys
 from tests.bench.accuracy import accuracy
 from tests.bench.buildings import buildings
 from tests.bench.chains import chains
+from tests.bench.corners import corners
 from tests.bench.corridor import corridor
 from tests.bench.corridor_presets import corridor_presets
 from tests.bench.corridor_real import corridor_real
@@ -58,6 +59,7 @@ ALL = (
     chains,
     structures,
     buildings,
+    corners,
     gridding,
     shorelines,
     water_levels,

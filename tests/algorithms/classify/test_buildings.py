@@ -449,14 +449,47 @@ def test_a_corner_cut_off_is_put_back() -> None:
 @pytest.mark.parametrize("backwards", [False, True])
 def test_an_inner_corner_is_put_back_though_a_disc_does_not_get_there(backwards: bool) -> None:
     shape = shapely.Polygon([(0, 0), (15, 0), (15, 6), (7, 6), (7, 12), (0, 12)])
-    rolled = shape.buffer(2.0, join_style="mitre").buffer(-2.0)
+    rolled = shape.buffer(3.0, join_style="mitre").buffer(-3.0)
     rolled = rolled.reverse() if backwards else rolled
-    made, straight = squared(rolled, 0.5, 2.0)
+    made, straight = squared(rolled, 0.5, 3.0)
     assert straight
     assert len(made.exterior.coords) == 7
     assert made.symmetric_difference(shape).area < 1.5
     without, _ = squared(rolled, 0.5)
     assert len(without.exterior.coords) > 7
+
+
+def test_an_inner_corner_between_walls_of_their_own_direction_is_put_back() -> None:
+    """The inner walls of two wings are 4 degrees off the outer ones, too far to be turned."""
+    inner = shapely.affinity.rotate(shapely.box(12, 12, 60, 60), 4, origin=(12, 12))
+    shape = shapely.box(0, 0, 40, 40) - inner
+    corner = (12.0, 12.0)
+    rolled = shape.buffer(1.5, join_style="mitre").buffer(-1.5)
+    assert rolled.boundary.distance(shapely.Point(corner)) > 0.5
+    made, straight = squared(rolled, 0.5, 1.5)
+    assert straight
+    assert shapely.MultiPoint(made.exterior.coords).distance(shapely.Point(corner)) < 0.1
+
+
+def test_an_inner_corner_is_put_back_where_points_leave_more_of_it_out_than_the_disc() -> None:
+    """Cut 1.95 m from the corner on both walls; a disc of 1.5 m touches them 1.5 m from it."""
+    cut = shapely.Polygon([(0, 0), (20, 0), (20, 9), (10.95, 9), (9, 10.95), (9, 20), (0, 20)])
+    made, straight = squared(cut, 0.5, 1.5)
+    assert straight
+    corners = [(0, 0), (20, 0), (20, 9), (9, 9), (9, 20), (0, 20)]
+    assert shapely.equals_exact(made.normalize(), shapely.Polygon(corners).normalize(), 1e-6)
+
+
+def test_an_arc_is_no_corner_that_was_cut_off() -> None:
+    """An inner arc of two edges, of 2.0 and 2.2 m, between walls of 10 and 17 m."""
+    first = np.array([20.0, 10.0]) + 2.0 * np.array([-np.cos(np.pi / 6), 0.5])
+    second = first + 2.2 * np.array([-0.5, np.sin(np.pi / 3)])
+    apse = shapely.Polygon(
+        [(0, 0), (30, 0), (30, 10), (20, 10), first, second, (second[0], 30), (0, 30)]
+    )
+    made, straight = squared(apse, 0.2, 1.5)
+    assert straight
+    assert made.symmetric_difference(apse).area < 1e-6
 
 
 @pytest.mark.slow

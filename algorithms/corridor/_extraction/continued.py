@@ -39,7 +39,7 @@ def completed(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Supp
     better = found
     if corridor.tolerance > SETTINGS.sparse.stack_tolerance:  # else all of a span are known as one
         better = [stiffened(corridor, wire, chains, found, supports) for wire in found]
-    return [wire for wire in (as_far(wire, better) for wire in better) if leads(wire)]
+    return [wire for wire in (as_far(corridor, wire, better) for wire in better) if leads(wire)]
 
 
 def same_wire(corridor: Corridor) -> float:
@@ -242,8 +242,12 @@ def stiffened(
     return to_supports(made, supports)
 
 
-def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
-    """A wire extended or cut to the reach of those beside it, at ends without a support."""
+def as_far(corridor: Corridor, wire: Wire, wires: Sequence[Wire]) -> Wire:
+    """A wire extended or cut, at ends without a support, to where the data end.
+
+    No wire ends in the air. Where data are all around its end, it ends with the farthest of those
+    beside it.
+    """
     if min(wire.supports) >= 0:
         return wire
     ends = [
@@ -255,8 +259,20 @@ def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
     u, _ = wire.curve.along(np.array(ends))  # its own among them
     low, high = 0.0, wire.curve.length
     if wire.supports[0] < 0:
-        low = max(float(u.min()), -SETTINGS.supports.along)
+        low = -more_data(corridor, wire, 0, -float(u.min()))
     if wire.supports[1] < 0:
-        high = min(float(u.max()), high + SETTINGS.supports.along)
+        high += more_data(corridor, wire, 1, float(u.max()) - high)
     known = (wire.known[0] - low, wire.known[1] - low)
     return replace(wire, curve=wire.curve.between(low, high), known=known)
+
+
+def more_data(corridor: Corridor, wire: Wire, end: int, usual: float) -> float:
+    """Metres from an end of a wire on to where the data end, or as far as usual if they do not."""
+    side = SETTINGS.points.company_side
+    reach = max(usual, 0.0) + SETTINGS.supports.along
+    steps = np.arange(0.0, reach + 2 * side, side / 4)
+    beyond = wire.curve.points(wire.curve.length + steps if end else -steps)[:, :2]
+    unseen = [step for step, spot in zip(steps, beyond, strict=True) if not corridor.seen(*spot)]
+    if not unseen:
+        return min(usual, SETTINGS.supports.along)
+    return max(float(unseen[0]) - 1.5 * side, 0.0)  # points were seen in a cell beside that

@@ -275,4 +275,4 @@ def more_data(corridor: Corridor, wire: Wire, end: int, usual: float) -> float:
     unseen = [step for step, spot in zip(steps, beyond, strict=True) if not corridor.seen(*spot)]
     if not unseen:
         return min(usual, SETTINGS.supports.along)
-    return max(float(unseen[0]) - 1.5 * side, 0.0)  # points were seen in a cell beside that
+    return max(float(unseen[0]) - side, 0.0)  # points were seen in a cell beside the last one

@@ -251,6 +251,26 @@ def test_wires_go_on_as_far_as_those_beside_them_where_no_pole_is_seen() -> None
     assert sum(end > CORNER[0] + 89 for end in ends) == 3
 
 
+@pytest.mark.parametrize("unseen", [0.0, 6.0], ids=["seen", "last metres not seen"])
+def test_each_wire_goes_on_to_where_the_data_end(unseen: float) -> None:
+    """They end obliquely, so no wire ends where the one beside it does."""
+    _, wires, towers = line([0, 120, 240], [-6, 0, 6], 25, 900)
+    towers = towers[towers[:, 0] < 200]
+    edge = 180.0
+
+    def within(part: Floats, back: float) -> Floats:
+        return part[part[:, 0] + part[:, 1] < edge - back]
+
+    inside = [within(part, unseen) for part in wires]
+    result = found(within(ground(240, 60, 4), 0.0), *(part for part in inside if len(part)), towers)
+    ends = np.array([max(shape.coords)[:2] for shape in result.wires.frame.geometry]) - CORNER[:2]
+    ends = ends[ends[:, 0] > 130]
+    assert len(ends) == 3
+    beyond = ends.sum(axis=1) - edge
+    assert beyond.min() > -0.5
+    assert beyond.max() < 5.0  # data are seen in cells of 2 m and beside them
+
+
 def test_a_tree_over_the_edge_of_the_data_does_not_make_it_a_support() -> None:
     _, wires, towers = line([0, 120, 240], [-4, 0, 4], 25, 900)
     towers = towers[towers[:, 0] < 200]

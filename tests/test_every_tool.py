@@ -81,6 +81,7 @@ IN_STRIP: dict[str, dict[str, Any]] = {  # settings that suit the strip
     "classify.vegetation_by_returns": {"difference": 0.1, "spread": 9.0, "building_classes": None},
     "ground.csf": {"cloth_resolution": 1.0},
     "points.denoise": {"reach": 5.0},
+    "points.denoise_voxels": {"cell": 7.0, "most": 300},
     "points.reproject": {"crs": CRS(25835)},
     "points.thin": {"method": "random", "cell": 7.0},
     "models.terrain": {"denoise": False, "max_gap": 6.0},

@@ -41,12 +41,12 @@ Verdicts = NDArray[np.uint8]
 class PointsDenoiseVoxels:
     """Remove or label points in voxels that have hardly any points in and around them.
 
-    A voxel is a cube; the lattice of them begins at the origin of the coordinates. Where a voxel
-    and the 26 around it together hold no more than `most` points, these points are noise. This is
-    fast, and what it takes is easily said; but it knows no density: where pulses are sparse, as on
-    wires, water and far from a scanner, real points stand alone as well, and what is noise depends
-    on where the lattice lies. points.denoise asks instead how far points usually are from others
-    there, and also takes groups of noise.
+    A voxel is a cube with sides of `cell`; their lattice begins at the origin of the coordinates.
+    Where a voxel and the 26 around it together hold no more than `most` points, these points are
+    noise. This is fast, and what it takes is easily said; but it knows no density: where pulses are
+    sparse, as on wires, water and far from a scanner, real points stand alone as well, and what is
+    noise depends on where the lattice lies. points.denoise asks instead how far points usually are
+    from others there, and also takes groups of noise.
 
     Noise becomes class 7, or 18 where it lies above the mean height of the points in the columns of
     voxels around it. Ignored classes and withheld points take no part and stay.
@@ -54,7 +54,7 @@ class PointsDenoiseVoxels:
 
     points: PointCloud = source("Points to clean")
     action: Literal["remove", "label"] = _noise.action()
-    voxel: float = param("Side of the cubes", default=5.0, unit="m", gt=0, label="Voxel")
+    cell: float = parameters.cell(default=5.0)
     most: int = param(
         "Points in 27 voxels up to which they are noise",
         default=6,
@@ -79,19 +79,19 @@ class PointsDenoiseVoxels:
 
     def halo(self) -> float:
         """Two voxels, since those around a voxel may lie across the edge of a tile."""
-        return 2 * self.voxel * (1 + ROUNDING)
+        return 2 * self.cell * (1 + ROUNDING)
 
     def run(self, ctx: Context = QUIET) -> PointsDenoiseVoxels.Outputs:
         """Count the points around those that take part, and remove or label the noise."""
         cloud = self.points
         part = taking_part(cloud, self.ignore)
         verdict = np.zeros(len(cloud), np.uint8)
-        verdict[part] = isolated(cloud.xyz[part], self.voxel, self.most, ctx=ctx)
+        verdict[part] = isolated(cloud.xyz[part], self.cell, self.most, ctx=ctx)
         found, count = np.count_nonzero(verdict), np.count_nonzero(part)
         if found > self.most and found > _noise.MOST * count:
             log.warning(
                 "%d of %d points (%.3g %%) are called noise, and no survey has more than %g %%: "
-                "raise voxel or lower most",
+                "raise cell or lower most",
                 found,
                 count,
                 100 * found / count,

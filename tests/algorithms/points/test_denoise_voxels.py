@@ -83,7 +83,7 @@ def test_more_noise_than_there_can_be_is_told(caplog: pytest.LogCaptureFixture) 
     points = cloud(terrain(density=0.05))
     with caplog.at_level(logging.WARNING):
         PointsDenoiseVoxels(points=points).run()
-    assert "no survey has more than 1 %: raise voxel or lower most" in caplog.text
+    assert "no survey has more than 1 %: raise cell or lower most" in caplog.text
 
 
 def test_no_points_are_no_noise_and_too_many_voxels_are_refused() -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.places import averaged
 from algorithms.surface import _near as near
+from algorithms.surface._centre_triangles import linear
 from algorithms.surface._statistics import Statistic, per_cell
 from algorithms.surface._tin import Tin
 from toolbox.context import QUIET, Context
@@ -85,6 +86,8 @@ def grid(
     if method in STATISTICS:
         statistic = cast(Statistic, method)
         bands = Bands(*per_cell(xy, values, lattice, statistic, percentile=percentile, ctx=working))
+    elif method == "linear" and not (support or uncertainty):
+        bands = _linear(xy, values, lattice, gap, ctx)
     else:
         xy, values = averaged(xy, values, ctx=ready)
         if method in TRIANGLES:
@@ -100,6 +103,14 @@ def grid(
     return _supported(bands, xy, lattice, ctx.part(0.9, 1.0))
 
 
+def _linear(xy: Array, values: Array, lattice: Lattice, gap: float, ctx: Context) -> Bands:
+    """Linear interpolation, for which most triangles need not be made."""
+    try:
+        return Bands(linear(xy, values, lattice, gap, ctx=ctx))
+    except DataError as err:
+        return _without_triangles(err, "linear", lattice, gap, uncertainty=False)
+
+
 def _on_triangles(
     xy: Array,
     values: Array,
@@ -109,13 +120,11 @@ def _on_triangles(
     uncertainty: bool,
     ctx: Context,
 ) -> Bands:
-    """Values by a method on triangles; no data if no triangle exists and a maximum gap is given."""
+    """Values by a method on triangles, of points of which no two share a position."""
     try:
         tin = Tin(xy, lattice, gap, ctx=ctx.part(0.0, 0.7))
     except DataError as err:
-        if math.isinf(gap):
-            raise DataError(f"{err}, which {method} needs; use nearest") from err
-        return _nothing(lattice, uncertainty)
+        return _without_triangles(err, method, lattice, gap, uncertainty)
     drawing, used = ctx.part(0.7, 0.9 if uncertainty else 1.0), None
     if method == "linear":
         surface = tin.linear(values, ctx=drawing)
@@ -130,6 +139,15 @@ def _on_triangles(
     natural = method == "natural"
     mean = tin.natural(squares, ctx=spread)[0] if natural else tin.linear(squares, ctx=spread)
     return Bands(surface, used, error=np.sqrt(mean))
+
+
+def _without_triangles(
+    err: DataError, method: Method, lattice: Lattice, gap: float, uncertainty: bool
+) -> Bands:
+    """Bands without data where no triangle exists; an error unless there is a maximum gap."""
+    if math.isinf(gap):
+        raise DataError(f"{err}, which {method} needs; use nearest") from err
+    return _nothing(lattice, uncertainty)
 
 
 def _from_nearest(

@@ -146,6 +146,12 @@ def _share(xy, i, j, x, y):
 def _on_facet(xy, values, triangles, t, x, y):
     """Linear interpolation in triangle t."""
     a, b, c = _turned(triangles, t)
+    return on_corners(xy, values, a, b, c, x, y)
+
+
+@njit(cache=True, nogil=True)
+def on_corners(xy, values, a, b, c, x, y):
+    """Linear interpolation in a triangle, counter-clockwise, of which `a` is the lowest index."""
     u, v, w = _weights(xy, a, b, c, x, y)
     i, j = _edge(a, b, c, u, v, w)
     if i >= 0:

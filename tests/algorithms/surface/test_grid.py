@@ -19,6 +19,7 @@ from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
 from scipy.spatial import Delaunay, Voronoi, cKDTree
 
 from algorithms.shared.places import averaged
+from algorithms.surface import _centre_triangles
 from algorithms.surface._gridding import Method, grid
 from algorithms.surface._tin import Tin
 from algorithms.surface.grid import SurfaceGrid
@@ -150,6 +151,76 @@ def test_linear_agrees_with_scipy_on_many_points() -> None:
     origin = xy.mean(axis=0)
     expected = LinearNDInterpolator(Delaunay(xy - origin), values)(cells(lattice) - origin)
     np.testing.assert_allclose(surface_of(xy, values, lattice).ravel(), expected, atol=1e-9)
+
+
+def crowded(kind: str, seed: int) -> Any:
+    """Many points per cell of 2 m: with gaps, in rows, on a lattice, crowded, or thinned."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 60, (12_000, 2))
+    if kind == "crowded":
+        return rng.normal(size=xy.shape) * [12, 3] @ [[0.8, 0.6], [-0.6, 0.8]] + 30
+    if kind == "in rows":
+        return np.column_stack([1.1 * np.round(xy[:, 0] / 1.1), xy[:, 1]])
+    if kind == "thinned":
+        thin = np.floor(xy / 3) % 2 == 0
+        return xy[thin.all(axis=1) | (rng.random(len(xy)) < 0.04)]
+    gaps = np.hypot(*(xy - 30).T) > 9
+    gaps &= (xy.sum(axis=1) > 35) & (abs(xy[:, 0] % 7 - 3) > 0.6)
+    return np.round(2 * xy[gaps]) / 2 if kind == "on a lattice" else xy[gaps]
+
+
+@pytest.mark.parametrize("limit", [math.inf, 6.0])
+@pytest.mark.parametrize("kind", ["gaps", "in rows", "on a lattice", "crowded", "thinned"])
+def test_triangles_of_centres_alone_are_those_of_all_points(kind: str, limit: float) -> None:
+    # With support all triangles are made.
+    for seed in range(3):
+        xy = crowded(kind, seed) + FAR
+        values = np.random.default_rng(seed).normal(size=len(xy))
+        for cell, shift in (2.0, 0.0), (2.3, 0.1), (5.0, 0.25):
+            low = FAR + shift
+            lattice = Lattice.cover((*low, *(low + 60)), cell)
+            found, whole = (
+                grid(xy, values, lattice, max_gap=limit, support=all_of_them).surface
+                for all_of_them in (False, True)
+            )
+            np.testing.assert_array_equal(found, whole)
+            assert np.isfinite(found).mean() > 0.2
+
+
+@pytest.mark.parametrize("seed", [73, 277, 326])
+def test_small_triangles_beside_an_empty_quarter_are_those_of_all_points(
+    monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    monkeypatch.setattr(_centre_triangles, "MANY", 0.0)
+    monkeypatch.setattr(_centre_triangles, "MOST", 1.1)
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 40, (3000, 2))
+    kept = np.ones(len(xy), bool)
+    for _ in range(40):
+        from_middle, square, size = (
+            xy - rng.uniform(0, 40, 2),
+            rng.integers(3) == 0,
+            rng.uniform(1, 5),
+        )
+        angle = rng.uniform(0, 6.3)
+        turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+        if square:
+            kept &= (abs(from_middle @ turn) >= [size, rng.uniform(0.5, 5)]).any(axis=1)
+        else:
+            kept &= np.hypot(*(from_middle @ turn).T) >= rng.uniform(1, 3)
+    xy = xy[kept]
+    values, lattice = rng.normal(size=len(xy)), Lattice.cover((0, 0, 40, 40), 0.5)
+    np.testing.assert_array_equal(
+        grid(xy, values, lattice).surface, grid(xy, values, lattice, support=True).surface
+    )
+
+
+def test_points_of_one_place_or_line_are_no_surface() -> None:
+    lattice = Lattice.cover((0, 0, 20, 20), 2.0)
+    for xy in (np.zeros((900, 2)), np.repeat(np.arange(900.0) / 50, 2).reshape(-1, 2)):
+        with pytest.raises(DataError, match="do not span a triangle"):
+            grid(xy, np.ones(900), lattice)
+        assert np.isnan(grid(xy, np.ones(900), lattice, max_gap=5.0).surface).all()
 
 
 def test_cubic_agrees_with_scipy() -> None:

@@ -103,11 +103,13 @@ class Openings(NamedTuple):
     wall : outline of the wall, gaps filled
     found : from left to right
     dropped : gaps that are none
+    unseen : polygons within the outline where there is neither a point of the wall nor an opening
     """
 
     wall: Any
     found: list[Opening]
     dropped: list[Gap]
+    unseen: list[Any]
 
 
 def openings(
@@ -148,7 +150,23 @@ def openings(
             continue
         found.append(_described(gap, shape, inside, front, shades, recess))
     ctx.progress(1.0)
-    return Openings(wall, _with_grid(found, front.side), dropped)
+    found = _with_grid(found, front.side)
+    if (hole := HOLE * front.apart) > min_width / 2:
+        parts = shapely.union_all(list(alpha_shape(uv, hole).polygons))
+    return Openings(wall, found, dropped, _unseen(wall, parts, found, min_width))
+
+
+def _unseen(wall: Any, parts: Any, found: list[Opening], least: float) -> list[Any]:
+    """Polygons of a wall where neither points nor openings are, at least so wide and high.
+
+    Parameters
+    ----------
+    parts : where points of the wall are
+    """
+    known = shapely.union_all([parts, *(one.shape for one in found)])
+    bare = shapely.buffer(shapely.difference(wall, known), -least / 2, join_style="mitre")
+    bare = shapely.buffer(bare, least / 2, join_style="mitre")
+    return [part for part in shapely.get_parts(bare).tolist() if part.area >= least**2]
 
 
 def _in(shape: Any, uv: Floats) -> Mask:

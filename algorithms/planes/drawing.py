@@ -24,6 +24,7 @@ NEEDED = ("kind", "front_id", "opening_id", "width", "height", "sill")
 TICK = 0.6  # of the height of a text: half of the stroke that ends a dimension line
 OFF = 2.5  # heights of a text from the wall to the first line of dimensions, and to the next
 ROW = 1.8  # heights of a text from one line of the title block to the next
+UNSEEN = "unseen"  # kind of a part of a front without points of its wall, and its layer
 SHOWN_DIGITS = 3  # of a certainty
 MILLIMETRES = 1000.0  # in a metre
 
@@ -46,8 +47,10 @@ class PlanesDrawing:
     """Draw all fronts with their openings, dimensions and a title block.
 
     Write it as .dxf: a layer each for walls, openings, dimensions, numbers and the title block, in
-    metres or millimetres as asked. Below each front stand the widths of the openings of its lowest
-    row and the piers between them, and its whole length; to the left sills and heads of the
+    metres or millimetres as asked. Parts of a front without points of its wall are crossed out on a
+    layer of their own, `unseen`. A star at the number of an opening tells that some of its sides
+    were not seen and may be elsewhere. Below each front stand the widths of the openings of its
+    lowest row and the piers between them, and its whole length; to the left sills and heads of the
     openings, and its whole height; in each opening its number. All are rounded to `rounding`. The
     title block says how far apart the points are.
 
@@ -95,14 +98,17 @@ class PlanesDrawing:
         )
         walls = frame[frame["kind"] == "facade"]
         for wall in walls.itertuples():
-            here = frame[(frame["front_id"] == wall.front_id) & (frame["kind"] != "facade")]
-            sheet.front(int(wall.front_id), wall.geometry, here)
+            here = frame[frame["front_id"] == wall.front_id]
+            bare = here.loc[here["kind"] == UNSEEN].geometry.tolist()
+            openings = here[~here["kind"].isin(["facade", UNSEEN])]
+            sheet.front(int(wall.front_id), wall.geometry, openings, bare)
         if len(walls):
             sheet.title_block(
                 self.subject or "Fronts of the building",
                 len(walls),
                 self.unit,
                 float(walls["spacing"].max()) if "spacing" in walls else None,
+                (frame["kind"] == UNSEEN).any(),
             )
         return self.Outputs(drawing=sheet.layer(self.elevation), schedule=schedule(frame, metre))
 
@@ -122,16 +128,25 @@ class Sheet:
         self.size, self.rounding, self.metre, self.shown = size, rounding, metre, shown
         self.rows: list[dict[str, Any]] = []
         self.shapes: list[Any] = []
+        self.starred = False
 
-    def front(self, number: int, wall: Any, openings: geopandas.GeoDataFrame) -> None:
-        """Draw a front with its openings and their dimensions."""
+    def front(
+        self, number: int, wall: Any, openings: geopandas.GeoDataFrame, unseen: list[Any]
+    ) -> None:
+        """Draw a front with its openings and their dimensions, and what was not seen of it."""
         left, bottom, right, top = wall.bounds
         outline = shapely.unary_union([wall, *openings.geometry])
         for part in shapely.get_parts(outline):
             self._add("walls", shapely.LineString(part.exterior.coords))
         for one in openings.itertuples():
             self._add("openings", shapely.LineString(one.geometry.exterior.coords))
-            self._text("numbers", f"{one.opening_id}", *_middle(one.geometry))
+            star = "*" if _unsure(one) else ""
+            self.starred |= bool(star)
+            self._text("numbers", f"{one.opening_id}{star}", *_middle(one.geometry))
+        for part in unseen:
+            self._add(UNSEEN, shapely.LineString(part.exterior.coords))
+            for across in crossed(part):
+                self._add(UNSEEN, across)
         self._text("numbers", f"Front {number}", (left + right) / 2, top + OFF * self.size)
         boxes = openings.geometry.bounds.to_numpy()
         near = OFF * self.size
@@ -164,10 +179,15 @@ class Sheet:
         digits = max(0, math.ceil(-math.log10(self.rounding / self.metre * self.shown) - 1e-9))
         return f"{value:.{digits}f}"
 
-    def title_block(self, subject: str, fronts: int, unit: str, spacing: float | None) -> None:
+    def title_block(
+        self, subject: str, fronts: int, unit: str, spacing: float | None, bare: bool
+    ) -> None:
         """A frame at the lower right with what is drawn, in which unit, and how exactly.
 
-        `spacing` is the distance of points on the walls, in the unit of the elevation.
+        Parameters
+        ----------
+        spacing : distance of points on the walls, in the unit of the elevation
+        bare : whether some of the walls were not seen
         """
         west, south, east, _ = shapely.total_bounds(np.array(self.shapes, object))
         step = self.rounding / self.metre * self.shown
@@ -175,8 +195,12 @@ class Sheet:
             subject,
             f"Elevation of {fronts} front{'s' if fronts != 1 else ''}, outside",
             f"Dimensions in {unit}, rounded to {step:g} {unit}",
-            "From points of a laser scan; what was hidden is not drawn",
+            "From points of a laser scan",
         ]
+        if bare:
+            lines.append("Crossed out: no point of the wall was seen there")
+        if self.starred:
+            lines.append("* some sides were not seen and may be elsewhere: see the schedule")
         if spacing is not None:
             apart = f"{spacing / self.metre * self.shown:.{0 if unit == 'mm' else 2}f} {unit}"
             lines.append(f"Points {apart} apart: no edge is surer than that")
@@ -212,6 +236,23 @@ class Sheet:
             frame = frame.assign(text_height=frame["text_height"] * factor)
             frame = frame.set_geometry(moved).set_crs(crs, allow_override=True)
         return Vector(frame, name="drawing", geometry_type="Unknown")
+
+
+def _unsure(opening: Any) -> bool:
+    """Whether sides of an opening were not seen; no door has wall below it."""
+    hidden = getattr(opening, "hidden", None)
+    sides = set(hidden.split(", ")) if isinstance(hidden, str) and hidden else set()
+    return bool(sides - ({"bottom"} if opening.kind == "door" else set()))
+
+
+def crossed(part: Any) -> list[Any]:
+    """Lines from corner to corner of the box around a polygon, within it."""
+    left, bottom, right, top = part.bounds
+    lines = shapely.linestrings(
+        [[(left, bottom), (right, top)], [(left, top), (right, bottom)]],
+    )
+    inside = shapely.get_parts(shapely.intersection(lines, part))
+    return [line for line in inside.tolist() if line.geom_type == "LineString"]
 
 
 def _at(place: float, across: float, along: int) -> tuple[float, float]:
@@ -254,7 +295,7 @@ def levels(boxes: Floats, bottom: float, top: float) -> Floats:
 
 def schedule(frame: geopandas.GeoDataFrame, metre: float) -> Table:
     """Table of the openings of an elevation, lengths in millimetres."""
-    found = frame[frame["kind"] != "facade"]
+    found = frame[~frame["kind"].isin(["facade", UNSEEN])]
     rows = pd.DataFrame(
         {
             "front_id": found["front_id"].astype("int64"),

@@ -34,6 +34,8 @@ POINTS_ACROSS = 4  # points in a row that an opening needs to be told from a gap
 NOISY = 2.0  # least step that can be seen over the one that is asked for, from which on it is told
 TALL = 1.5  # height over width, of the largest opening
 APART = STOREY  # metres between two fronts of an elevation
+UNSEEN = "unseen"  # kind of a part of a front without points of its wall
+MUCH_UNSEEN = 0.1  # share of a front without points of its wall, from which on it is told
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -83,7 +85,8 @@ class PlanesOpenings:
 
     The elevation shows each front and its openings in its own coordinates, to the right and upwards
     from its lower left corner, one front beside the other. Where each is in space stands in the
-    attributes of its facade: corner is the place of (0, 0), right and up are the directions.
+    attributes of its facade: corner is the place of (0, 0), right and up are the directions. Parts
+    of a front without points of its wall and without an opening are `unseen`: there may be none.
     """
 
     points: PointCloud = source("Points with the number of their plane")
@@ -267,6 +270,7 @@ class PlanesOpenings:
             seen.append(_Seen(int(numbers[front.members[0]]), near, relief, made))
             self._warn_if_sparse(number + 1, seen[-1].spacing)
             self._warn_if_noisy(number + 1, relief.step / cloud.metre)
+            self._warn_of_unseen(number + 1, made)
         if not any(one.made.found for one in seen):
             names = ", ".join(str(one.number) for one in seen)
             log.warning(
@@ -305,6 +309,19 @@ class PlanesOpenings:
                 number,
                 step,
                 self.min_recess,
+            )
+
+    def _warn_of_unseen(self, number: int, made: Openings) -> None:
+        """Say so where much of what is drawn as wall has no points."""
+        area = sum(part.area for part in made.unseen)
+        if area > MUCH_UNSEEN * made.wall.area:
+            log.warning(
+                "%.0f %% of front %d, %.1f m2, has neither points of its wall nor an opening: air, "
+                "something that stands before it, or a gap that is none; the elevation has these "
+                "parts as unseen",
+                100 * area / made.wall.area,
+                number,
+                area / self.points.metre**2,
             )
 
     def _chosen(self, ranks: NDArray[np.int32], numbers: Ints, planes: list[Plane]) -> list[Front]:
@@ -353,6 +370,9 @@ class PlanesOpenings:
                 shown.append(row)
                 solid.append(one.relief.view.raised(opening.shape))
                 flat.append(_moved(opening.shape, shift))
+            for part in one.made.unseen:
+                shown.append({"opening_id": 0, "front_id": front_id, "kind": UNSEEN})
+                flat.append(_moved(part, shift))
             for gap in one.made.dropped:
                 reasons.append({"front_id": front_id, "reason": gap.dropped})
                 gaps.append(one.relief.view.raised(shapely.box(*gap.shape.bounds)))

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 SUFFIX = ".ifc"
 THICKNESS = 0.3  # metres, of walls whose other side was not seen
 LEAF = 0.05  # metres, of the doors and windows that fill an opening
-WALL, DOOR = "facade", "door"
+WALL, DOOR, UNSEEN = "facade", "door", "unseen"
 NEEDED = ("kind", "front_id", "opening_id", "width", "height", "sill")
 PLACE = ("corner", "right", "up")  # of a front: attributes with _x, _y, _z
 
@@ -62,8 +62,12 @@ def write(frame: geopandas.GeoDataFrame, path: Path, metre: float) -> None:
     origin = np.floor(corners.min(axis=0)) if len(walls) else np.zeros(3)
     building = _Building(Entities(_name_of(frame, corners)), origin, metre)
     for _, wall in walls.iterrows():
-        openings = frame[(frame["front_id"] == wall["front_id"]) & (frame["kind"] != WALL)]
-        building.front(wall, openings)
+        own = frame[frame["front_id"] == wall["front_id"]]
+        building.front(
+            wall,
+            own[~own["kind"].isin([WALL, UNSEEN])],
+            float(own[own["kind"] == UNSEEN].area.sum()),
+        )
     path.write_text(building.finished(), encoding="utf-8", newline="\n")
 
 
@@ -98,8 +102,8 @@ class _Building:
             ifc.root("IfcRelAggregates", None, RelatingObject=whole, RelatedObjects=[part])
         self.contained: list[Any] = []
 
-    def front(self, wall: pd.Series[Any], openings: geopandas.GeoDataFrame) -> None:
-        """Add a wall, its openings, and what fills them."""
+    def front(self, wall: pd.Series[Any], openings: geopandas.GeoDataFrame, unseen: float) -> None:
+        """Add a wall, its openings, and what fills them; `unseen` is the area without points."""
         corner, right, up = (
             np.array([wall[f"{name}_{axis}"] for axis in "xyz"], float) for name in PLACE
         )
@@ -120,6 +124,7 @@ class _Building:
         facts = {"ThicknessIsAssumed": True, "Thickness": THICKNESS}
         if (spacing := _number(wall, "spacing")) is not None:
             facts["SpacingOfPoints"] = spacing / self.metre
+        facts["AreaNotSeen"] = unseen / self.metre**2
         self.ifc.properties(made, "Survey_Wall", facts)
         self.contained.append(made)
         for _, one in openings.iterrows():

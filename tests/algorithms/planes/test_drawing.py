@@ -6,6 +6,7 @@ from pathlib import Path
 
 import geopandas
 import numpy as np
+import pandas as pd
 import pytest
 import shapely
 from pyproj import CRS
@@ -43,6 +44,36 @@ def test_the_title_block_says_how_far_apart_the_points_are() -> None:
     for unit, says in (("m", "0.05 m"), ("mm", "52 mm")):
         frame = PlanesDrawing(elevation=layer, unit=unit).run().drawing.frame  # type: ignore[arg-type]
         assert texts(frame, "title")[-1] == f"Points {says} apart: no edge is surer than that"
+
+
+def test_what_was_not_seen_is_crossed_out() -> None:
+    """And an opening with a side that was not seen has a star, but no door for what is below it."""
+    frame = elevation().frame
+    assert "unseen" not in set(PlanesDrawing(elevation=elevation()).run().drawing.frame["layer"])
+    frame["hidden"] = [None, "bottom", "", "left, top"]
+    bare = geopandas.GeoDataFrame(
+        {"kind": ["unseen"], "front_id": [1], "opening_id": [0]},
+        geometry=[shapely.box(8, 3, 9, 5)],
+        crs=frame.crs,
+    )
+    both = Vector(geopandas.GeoDataFrame(pd.concat([frame, bare], ignore_index=True)))
+    out = PlanesDrawing(elevation=both).run()
+    drawn = out.drawing.frame
+    lines = drawn.loc[drawn["layer"] == "unseen"].geometry
+    assert sorted(lines.length.round(3)) == [2.236, 2.236, 6.0]
+    assert texts(drawn, "numbers") == ["1", "2", "3*", "Front 1"]
+    assert "Crossed out: no point of the wall was seen there" in texts(drawn, "title")
+    assert any(text.startswith("* some sides were not seen") for text in texts(drawn, "title"))
+    assert out.schedule.rows()[-1]["opening_id"] == 3
+    assert texts(drawn, "dimensions")[:7] == [
+        "1.00",
+        "1.00",
+        "2.00",
+        "1.50",
+        "4.50",
+        "10.00",
+        "2.10",
+    ]
 
 
 def test_millimetres() -> None:

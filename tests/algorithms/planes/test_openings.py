@@ -219,6 +219,23 @@ def test_a_front_without_openings_is_drawn() -> None:
     assert len(PlanesDrawing(elevation=elevation).run().schedule) == 0
 
 
+def test_parts_without_points_of_the_wall_are_unseen(caplog: pytest.LogCaptureFixture) -> None:
+    """The shadow, and, told as it is much of the wall, the air above a lower part of it."""
+    frame = found(front()).elevation.frame
+    (dark,) = frame.loc[frame["kind"] == "unseen"].geometry
+    known = shapely.box(*DARK)
+    assert dark.intersection(known).area / dark.union(known).area > 0.85
+    assert "unseen" not in caplog.text
+    cloud = front()
+    away = cloud.xyz - FAR
+    low = cloud.select((away[:, 0] < 6) | (away[:, 2] < 1.5) | (cloud["kind"] != WALL))
+    frame = found(low).elevation.frame
+    slant = frame[frame["kind"] == "unseen"].area.sum()  # the outline is cut straight there
+    assert slant == pytest.approx(4 * 2.5 / 2, rel=0.1)
+    assert "of front 1" in caplog.text
+    assert "the elevation has these parts as unseen" in caplog.text
+
+
 def test_walls_that_scatter_are_told(caplog: pytest.LogCaptureFixture) -> None:
     quiet = front()
     found(quiet)

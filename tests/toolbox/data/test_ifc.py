@@ -8,6 +8,7 @@ from typing import Any
 
 import geopandas
 import numpy as np
+import pandas as pd
 import pytest
 import shapely
 
@@ -100,6 +101,27 @@ def test_walls_and_openings_are_where_the_points_were(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         corners(model, window), [[510.10, 404, 101], [510.15, 405.5, 102.5]], atol=1e-6
     )
+
+
+@pytest.mark.slow
+def test_the_area_of_a_wall_that_was_not_seen_is_told(tmp_path: Path) -> None:
+    """And no window is made of it."""
+    import ifcopenshell.util.element
+
+    frame = elevation().frame
+    bare = geopandas.GeoDataFrame(
+        {"kind": ["unseen"], "front_id": [1], "opening_id": [0]},
+        geometry=[shapely.box(4, 1, 7, 5)],
+        crs=frame.crs,
+    )
+    both = Vector(geopandas.GeoDataFrame(pd.concat([frame, bare], ignore_index=True)))
+    model = written(both, tmp_path / "a.ifc")
+    told = {
+        wall.Name: ifcopenshell.util.element.get_psets(wall)["Survey_Wall"]["AreaNotSeen"]
+        for wall in model.by_type("IfcWall")
+    }
+    assert told == {"Front 1": 12.0, "Front 2": 0.0}
+    assert len(model.by_type("IfcOpeningElement")) == 2
 
 
 def test_the_same_layer_makes_the_same_bytes_and_keeps_its_record(tmp_path: Path) -> None:

@@ -105,6 +105,19 @@ def at_scales(some, xyz, keys, starts, levels, piece, found):
 def between_neighbours(xyz, x, y, z):
     """Variance across a plane that neighbours on it do not have in common (von Neumann 1941).
 
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    x, y, z : normal of the plane
+    """
+    step = steps_across(xyz, x, y, z)
+    return np.sum(step**2) / (2 * len(step))
+
+
+@njit(cache=True, nogil=True)
+def steps_across(xyz, x, y, z):
+    """Differences of neighbours across a plane, array of shape (n - 1,).
+
     Neighbours follow each other in strips along the plane, forth and back. They are chosen by
     their place on the plane alone, so that they differ across it as any two do, if it is noise.
 
@@ -135,12 +148,11 @@ def between_neighbours(xyz, x, y, z):
         number = min(strips - 1, int(strips * (strip[i] - low) / max(high - low, 1e-300)))
         turn = 1.0 if number % 2 == 0 else -1.0
         strip[i] = 3.0 * number * length + turn * along[i]
-    total, before = 0.0, -1
-    for i in np.argsort(strip):
-        if before >= 0:
-            total += (across[i] - across[before]) ** 2
-        before = i
-    return total / (2 * (count - 1))
+    order = np.argsort(strip)
+    step = np.empty(count - 1)
+    for i in range(count - 1):
+        step[i] = across[order[i + 1]] - across[order[i]]
+    return step
 
 
 @helper

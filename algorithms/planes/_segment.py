@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from algorithms.planes import _search_kernels as kernels
 from algorithms.planes._cells import ROUNDING, SAME, Cells, sort_into_cells
-from algorithms.planes._cells_kernels import between_neighbours
+from algorithms.planes._cells_kernels import between_neighbours, steps_across
 from algorithms.planes._search import Patch, Rules, Search, plane_of
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.plane_fit import Plane, is_line
@@ -139,7 +139,9 @@ def _if_joined(
     """The noise, if planes are several surfaces joined into one by a tolerance too wide; else 0.
 
     The points of such a plane fill the tolerance, and neighbours have much of their distance from
-    the plane in common, which they do not in noise: a wall, and the panes not far behind it.
+    the plane in common, which they do not in noise: a wall, and the panes not far behind it. Most
+    neighbours are on one surface: the median of their differences is noise, which the steps from
+    the wall to a pane do not change, nor the slant of a plane that cuts through both.
     """
     joined = []
     sizes = np.bincount(owner, minlength=len(patches) + 1)[1:]
@@ -149,7 +151,8 @@ def _if_joined(
         if variance > (FILLED * tolerance) ** 2:
             between = between_neighbours(some, *patch.plane[:3])
             if variance > SAME * between:
-                joined.append((between, len(part)))
+                step = np.median(np.abs(steps_across(cells.xyz[part], *patch.plane[:3])))
+                joined.append(((DEVIATION * float(step)) ** 2 / 2, len(part)))
     variances, counts = np.array(joined).reshape(-1, 2).T
     if counts.sum() <= MUCH * sizes.sum():
         return 0.0

@@ -145,6 +145,9 @@ WORSE = (
     (0.5, 0.02, 75, 14),
     *((0.5, 0.02, degrees, seed) for degrees, seed in ((20, 21), (110, 22), (160, 23))),
     (1.0, 0.03, 50, 26),
+    *((1.0, 0.03, degrees, seed) for degrees, seed in ((130, 41), (200, 42), (0, 43))),
+    *((0.5, 0.03, degrees, seed) for degrees, seed in ((15, 44), (100, 45))),
+    *((1.0, 0.04, degrees, seed) for degrees, seed in ((60, 46), (300, 47))),
 )
 
 

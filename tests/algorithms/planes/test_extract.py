@@ -603,15 +603,23 @@ def test_noise_of_real_shop_fronts(data: Callable[[str], Path], name: str) -> No
         assert 0.003 < sort_into_cells(half).noise < 0.02
 
 
-@pytest.mark.parametrize(("number", "degrees", "seed"), [(1, 75, 14), (2, 160, 23)])
+@pytest.mark.parametrize(
+    ("number", "share", "noise", "degrees", "seed"),
+    [(1, 0.5, 0.02, 75, 14), (2, 0.5, 0.02, 160, 23), (1, 1.0, 0.03, 50, 26)],
+)
 def test_noisy_walls_are_not_joined_with_their_panes(
-    data: Callable[[str], Path], number: int, degrees: float, seed: int
+    data: Callable[[str], Path],
+    number: int,
+    share: float,
+    noise: float,
+    degrees: float,
+    seed: int,
 ) -> None:
-    """Half of a real front with 2 cm of noise, turned: the largest plane is wall, not windows."""
+    """A real front with noise, turned: the largest plane is wall, not windows."""
     table = np.loadtxt(data(f"facade_street_openings/facade_{number}.txt.gz"), skiprows=1)
     rng = np.random.default_rng(seed)
-    some = table[rng.random(len(table)) < 0.5]
-    some[:, :3] += rng.normal(0.0, 0.02, (len(some), 3))
+    some = table[rng.random(len(table)) < share]
+    some[:, :3] += rng.normal(0.0, noise, (len(some), 3))
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     some[:, :2] = some[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
     out = PlanesExtract(points=PointCloud(some[:, :3], crs=LOCAL)).run()

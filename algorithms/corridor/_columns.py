@@ -125,4 +125,5 @@ TOWERS = {
     "arms": Column("Width of the arms", "m", 1),
     "string": Column("Length of strings", "m", 1),
     "body": Column("Seen of its height", "%", 0, 100.0),
+    "sd_along": Column("Standard deviation of its place along the line", "m", 1),
 }

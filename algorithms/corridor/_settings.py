@@ -431,7 +431,9 @@ class Supports:
     much_body_tower: float = tried(0.75, "1", "the same of a tower")
     tallest_pole: float = built(15.0, "m", "height below which a support is a pole")
     settled_slack: float = tried(
-        1.0, "m", "along the wires that the body may be off where wires are held"
+        1.0,
+        "m",
+        "along the wires that the body may be off where they are held; what is less sure is told",
     )
     least_bend: float = built(0.02, "m / m", "change of slope, or of heading, at a support")
 

@@ -38,6 +38,7 @@ from algorithms.corridor._extraction.missed import (
     warn_of_left_out,
     warn_of_missed,
     warn_of_unseen_supports,
+    warn_of_unsure_places,
     with_gaps,
 )
 from algorithms.corridor._extraction.points import CorridorPoints
@@ -137,6 +138,7 @@ class CorridorExtract:
         warn_of_left_out([*corridor.left_out, *corridor.tied], points.origin, cloud.metre)
         towers = tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs)
         warn_of_unseen_supports(towers)
+        warn_of_unsure_places(towers)
         warn_of_edges(points, line.labels)
         return self.Outputs(
             classified=labelled(cloud, use, points.index, line.labels),

@@ -83,10 +83,10 @@ def lines_with_cuts(corridor: Corridor, alignment: Alignment) -> Iterator[Alignm
     """
     certain = [piece for piece in alignment.pieces if is_certain(corridor, alignment, piece)]
     tracks = replace(alignment, pieces=certain or alignment.pieces)
-    cuts, coarse, bend = cuts_of(corridor, tracks)
+    cuts, sigmas, coarse, bend = cuts_of(corridor, tracks)
     between = parting(corridor, tracks, coarse, bend) if len(cuts) else None
     if between is None:
-        yield replace(alignment, cuts=cuts)
+        yield replace(alignment, cuts=cuts, sigmas=sigmas)
         return
     left = [offset_of(corridor, alignment, piece) > between for piece in alignment.pieces]
     for side in (True, False):
@@ -212,8 +212,8 @@ def scatter(u: Floats, z: Floats) -> float:
     return max(float(usual) / (0.6745 * math.sqrt(1.5)), SETTINGS.arcs.least_scatter)
 
 
-def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Binned, float]:
-    """Chainages of an alignment at which supports hold its wires.
+def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, Binned, float]:
+    """Chainages of an alignment at which supports hold its wires, and their standard deviations.
 
     With them come coarse bins, and the curvature that the arcs have in common. How far the wires
     wander from their arcs is learned from these. The more they do, the more a cut must mend, so
@@ -242,7 +242,7 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Binned, f
         if learned <= SETTINGS.arcs.wander_margin * wander:
             break
         wander = learned
-    return all_settled(fine, edges, bend, chainages, shown), coarse, bend
+    return *all_settled(fine, edges, bend, chainages, shown), coarse, bend
 
 
 def usual_bend(bins: Binned) -> float:
@@ -403,8 +403,10 @@ def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
     return float(total[-1]), np.array(edges[::-1])
 
 
-def all_settled(bins: Binned, edges: Ints, bend: float, chainages: Floats, shown: Floats) -> Floats:
-    """Chainages of all cuts, moved to where arcs meet and arms are seen.
+def all_settled(
+    bins: Binned, edges: Ints, bend: float, chainages: Floats, shown: Floats
+) -> tuple[Floats, Floats]:
+    """Chainages of all cuts, moved to where arcs meet and arms are seen, and their deviations.
 
     Two that come nearer to each other than supports can be are one, such as those at both ends of
     the strings of a bundle. That stays with which arcs meet better and arms are clearer. The
@@ -412,17 +414,18 @@ def all_settled(bins: Binned, edges: Ints, bend: float, chainages: Floats, shown
     """
 
     @functools.cache
-    def moved(low: int, at: int, high: int) -> tuple[float, float]:
+    def moved(low: int, at: int, high: int) -> tuple[float, float, float]:
         return settled(bins, low, at, high, bend, chainages, shown)
 
     def cost(edges: Ints) -> float:
         return sum(moved(*three)[1] for three in threes(edges))
 
     while True:
-        places = np.array([moved(*three)[0] for three in threes(edges)])
+        found = np.array([moved(*three) for three in threes(edges)]).reshape(-1, 3)
+        places = found[:, 0]
         between = np.diff(places)
         if not (between < SETTINGS.arcs.shortest_span).any():
-            return places
+            return places, found[:, 2]
         first = int(np.argmin(between)) + 1
         edges = min((np.delete(edges, spare) for spare in (first, first + 1)), key=cost)
 
@@ -435,16 +438,18 @@ def threes(edges: Ints) -> Iterator[tuple[int, int, int]]:
 
 def settled(
     bins: Binned, low: int, at: int, high: int, bend: float, chainages: Floats, shown: Floats
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """Chainage of a cut, moved to where the arcs on both sides meet and an arm is seen.
 
-    With it comes by how much they do not, less the arm, in squares of sigmas.
+    With it come by how much they do not, less the arm, in squares of sigmas, and the standard
+    deviation of the chainage: infinite if no chainage can be tried. How likely each chainage is
+    follows from that cost, as errors are normal.
     """
     middle = at * bins.step
     near = np.abs(chainages - middle) < SETTINGS.arcs.most_shift
     near &= (chainages > low * bins.step + 1.0) & (chainages < high * bins.step - 1.0)
     if not near.any():
-        return middle, 0.0
+        return middle, 0.0, math.inf
     chainages, cost = chainages[near], -np.minimum(shown[near], SETTINGS.arcs.certain_arm)
     x = chainages - middle
     base = hanging(x, bend)
@@ -469,7 +474,10 @@ def settled(
                 )
                 cost += gap**2 / variance
     best = int(np.argmin(cost))
-    return float(chainages[best]), float(cost[best])
+    likely = np.exp(-0.5 * (cost - cost[best]))
+    variance = float(likely @ (chainages - chainages[best]) ** 2 / likely.sum())
+    step = bins.step / POSITIONS_PER_BIN
+    return float(chainages[best]), float(cost[best]), math.sqrt(variance + step**2 / 12)
 
 
 def hanging(x: Floats, bend: float) -> Floats:

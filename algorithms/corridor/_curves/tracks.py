@@ -34,6 +34,7 @@ class Alignment:
     x, y, ex, ey : origin and unit vector of the axis
     step, steps : length of a bin along the axis, metres, and number of bins
     cuts : chainages at which the wires are held, metres along the axis
+    sigmas : standard deviations of these, metres
     """
 
     pieces: Sequence[Piece]
@@ -44,6 +45,7 @@ class Alignment:
     step: float
     steps: int
     cuts: Floats
+    sigmas: Floats
 
     @classmethod
     def of(cls, pieces: Sequence[Piece]) -> Alignment:
@@ -60,7 +62,7 @@ class Alignment:
         step = max(TRACK_BIN, length / MOST_TRACK_BINS)
         steps = min(math.ceil(length / TRACK_BIN), MOST_TRACK_BINS)
         x, y = low * ex - middle * ey, low * ey + middle * ex
-        return cls(pieces, x, y, ex, ey, step, steps, np.zeros(0))
+        return cls(pieces, x, y, ex, ey, step, steps, np.zeros(0), np.zeros(0))
 
     def places(self, u: Floats) -> Floats:
         """Positions on the axis in plan at chainages u, array of shape (n, 2)."""

@@ -77,6 +77,7 @@ TOWER_COLUMNS = (
     "string",
     "body",
     "points",
+    "sd_along",
 )
 
 
@@ -214,6 +215,7 @@ def tower_layer(
                 "string": string,
                 "body": support.body,
                 "points": len(tower.points),
+                "sd_along": support.sd_along if math.isfinite(support.sd_along) else math.nan,
             }
         )
         foot = np.array([support.x, support.y, support.ground]) * metre + origin

@@ -162,6 +162,20 @@ def warn_of_unseen_supports(towers: Vector) -> None:
         )
 
 
+def warn_of_unsure_places(towers: Vector) -> None:
+    """Log which supports may stand elsewhere along the line, so that spans may be longer."""
+    frame, most = towers.frame, SETTINGS.supports.settled_slack
+    unsure = frame.loc[~(frame["sd_along"] <= most), "tower_id"].astype(str)
+    if len(unsure):
+        log.warning(
+            "tower_id %s: the place along the line has a standard deviation (sd_along) of more "
+            "than %g m, or none that is known: few points show the tower or how its wires bend; "
+            "spans end there at about this place",
+            ", ".join(unsure),
+            most,
+        )
+
+
 def warn_of_edges(points: CorridorPoints, labels: Mapping[str, NDArray[np.uint32]]) -> None:
     """Log which spans run beside other things nearly all along, as edges of buildings do.
 

@@ -27,6 +27,7 @@ class Hint:
     slope: float  # upwards that way
     piece: int
     held: bool  # another arc of its alignment begins there
+    sigma: float  # standard deviation of its place along the wire, metres; infinite if not held
     cut: tuple[int, int]  # its alignment, and which cut of that
 
 
@@ -43,6 +44,7 @@ class Support:
     ground : height of the terrain
     body : share of its height at which points show
     legs : offsets along `across` of its bodies: two of a frame
+    sd_along : standard deviation of its place along the line, metres; infinite if not known
     """
 
     x: float
@@ -54,6 +56,7 @@ class Support:
     ground: float
     body: float
     legs: tuple[float, ...] = (0.0,)
+    sd_along: float = math.inf
 
 
 def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterator[Hint]:
@@ -71,6 +74,7 @@ def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterat
             after = int(ends[end] > ends[1 - end])
             u, stop = ends[end], stops[after]
             held = bool(np.isfinite(stop))
+            sigma = float(alignment.sigmas[arc + after - 1]) if held else math.inf
             if not held:
                 stop = reach.max() if after else reach.min()
             if abs(stop - u) > SETTINGS.supports.along:
@@ -85,6 +89,7 @@ def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterat
                 rise if end else -rise,
                 number,
                 held,
+                sigma,
                 (piece.arc[0], arc + after),
             )
 
@@ -186,7 +191,8 @@ def support_of(
     bottom = float(corridor.ground(spot[0], spot[1]))
     certain = any(hint.held for hint in group)
     slack = SETTINGS.supports.settled_slack if certain else SETTINGS.arcs.most_shift
-    body, spot = body_at(corridor, spot, mean, (side.min(), side.max()), high - bottom, slack)
+    sigma = min(hint.sigma for hint in group)
+    body, spot, seen = body_at(corridor, spot, mean, (side.min(), side.max()), high - bottom, slack)
     certain |= pairs >= 2 or (
         pairs == 1
         and (body >= SETTINGS.supports.enough_body or bend > SETTINGS.supports.least_bend)
@@ -216,6 +222,7 @@ def support_of(
         high,
         float(corridor.ground(spot[0], spot[1])),
         body,
+        sd_along=min(sigma, seen),
     )
 
 
@@ -265,14 +272,18 @@ def body_at(
     sides: tuple[float, float],
     top: float,
     slack: float,
-) -> tuple[float, Floats]:
-    """Share of the height over which a vertical body has points, and its position in plan."""
+) -> tuple[float, Floats, float]:
+    """Share of the height over which a vertical body has points, and its position in plan.
+
+    With them comes the standard deviation of that position along the line, infinite if too little
+    of a body is seen to tell it.
+    """
     air = corridor.air
     reach = SETTINGS.supports.along + abs(sides[1] - sides[0])
     near = air.within(spot, reach)
     near = near[corridor.free[near]]
     if not len(near):
-        return 0.0, spot
+        return 0.0, spot, math.inf
     across = np.array([-mean[1], mean[0]])
     step = air.xyz[near, :2] - spot
     along, side, height = step @ mean, step @ across, corridor.height[near]
@@ -281,7 +292,7 @@ def body_at(
     along, side, height = along[keep], side[keep], height[keep]
     half = 1.0 if top < SETTINGS.supports.tallest_pole else 2.5
     levels = max(1, int(top - 1))
-    best, at = 0.0, spot
+    best, at, sigma = 0.0, spot, math.inf
     for a in np.arange(-slack, slack + 0.5, 1.0):
         for s in np.arange(math.floor(sides[0]) - 1, sides[1] + 2, 1.0):
             inside = (np.abs(along - a) < half) & (np.abs(side - s) < half)
@@ -290,4 +301,17 @@ def body_at(
             if share > best:
                 best = share
                 at = spot + np.median(along[inside]) * mean + np.median(side[inside]) * across
-    return min(best, 1.0), at if best >= SETTINGS.supports.enough_body else spot
+                sigma = sd_of_median(along[inside])
+    if best < SETTINGS.supports.enough_body:
+        return best, spot, math.inf
+    return min(best, 1.0), at, sigma
+
+
+def sd_of_median(values: Floats) -> float:
+    """Standard deviation of the median of values with normal errors; infinite for fewer than two.
+
+    The variance of that of n is pi / 2 times that of the mean.
+    """
+    if len(values) < 2:
+        return math.inf
+    return float(values.std(ddof=1)) * math.sqrt(math.pi / 2 / len(values))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire, to_supports
-from algorithms.corridor._extraction.supports import Support
+from algorithms.corridor._extraction.supports import Support, sd_of_median
 from algorithms.corridor._settings import SETTINGS
 
 Floats = NDArray[np.float64]
@@ -136,11 +136,12 @@ def centred(corridor: Corridor, support: Support) -> Support:
     waist = support.low - half
     _, a, s, z = around_axis(corridor, support)
     level = level_with_arms(support, s, z)
-    forth = 0.0
+    forth, sigma = 0.0, support.sd_along
     for depth in (2 * half, half):  # at first it may be farther off
         arms = level & (np.abs(a - forth) < depth)
         if np.count_nonzero(arms) >= SETTINGS.towers.known_by_points:
             forth = float(np.median(a[arms]))
+            sigma = min(support.sd_along, sd_of_median(a[arms]))
     neck = (z > waist - 0.15 * height) & (z < waist)
     near = np.abs(a - forth)
 
@@ -166,6 +167,7 @@ def centred(corridor: Corridor, support: Support) -> Support:
         y=support.y - forth * ex + aside * ey,
         reach=(left - aside, right - aside),
         legs=tuple(leg - aside for leg in legs) or (0.0,),
+        sd_along=sigma,
     )
 
 

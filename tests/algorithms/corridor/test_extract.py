@@ -455,7 +455,7 @@ def test_cuts_that_come_nearer_than_two_supports_can_be_are_one(edges: list[int]
     u = np.arange(200) + 0.5
     bins = arcs_of_tracks(np.column_stack([0.5 * (u % 100 - 50) ** 2 / 400] * 3))
     chainages = np.arange(0.0, 200.25, 0.25)
-    cuts = all_settled(bins, np.array(edges), 1 / 400, chainages, np.zeros(len(chainages)))
+    cuts, _ = all_settled(bins, np.array(edges), 1 / 400, chainages, np.zeros(len(chainages)))
     np.testing.assert_allclose(cuts, [100], atol=1.0)
 
 
@@ -674,6 +674,28 @@ def test_supports_that_only_their_wires_tell_of_are_said(
     text = "1 of 4 towers show fewer than 4 points of their own (tower_id 2)"
     assert (text in caplog.text) == (not seen)
     assert ("of their own" in caplog.text) == (not seen)
+
+
+@pytest.mark.parametrize(
+    ("per_metre", "noise", "told"), [(8, 0.03, False), (1, 0.2, True)], ids=["many", "few"]
+)
+def test_how_well_the_place_of_a_support_along_the_line_is_known_is_said(
+    per_metre: float, noise: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Wires tell of the inner ones alone; where they have few points, a place is hardly known."""
+    _, wires, poles = line([0, 60, 120, 180], [-1, 1], 9, 700, per_metre=per_metre)
+    rng = np.random.default_rng(1)
+    wires = [part + rng.normal(0, noise, part.shape) * (0, 0, 1) for part in wires]
+    ends = poles[abs(poles[:, 0] - 90) > 80]
+    towers = found(GROUND, *wires, ends).towers.frame
+    inner = towers[towers.geometry.x.sub(CORNER[0]).between(30, 150)]
+    assert len(inner) == 2
+    assert (inner["sd_along"] > 1.0).any() == told
+    assert (inner["sd_along"] > 0.05).all()
+    off = abs(inner.geometry.x - CORNER[0] - np.array([60, 120]))
+    assert (off < 2.5 * inner["sd_along"]).all()
+    said = "place along the line has a standard deviation" in caplog.text
+    assert said == told
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ class Tower:
     Attributes
     ----------
     points : indices among the points in the air
-    top : height of its highest point
+    top : height of its highest point, or of its highest wire if that is higher
     width : half width of the body below its arms
     """
 
@@ -229,7 +229,7 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
     body &= above > 2 * SETTINGS.points.off_ground
     mine = near[arms | body]
     top = float(np.quantile(corridor.air.xyz[mine, 2], 0.995)) if len(mine) else support.high
-    return Tower(support, mine, top, width)
+    return Tower(support, mine, max(top, support.high), width)  # of a pole only the foot may show
 
 
 def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Floats, Floats]:

@@ -676,6 +676,14 @@ def test_supports_that_only_their_wires_tell_of_are_said(
     assert ("of their own" in caplog.text) == (not seen)
 
 
+def test_a_pole_of_which_the_foot_alone_shows_is_as_high_as_its_wires() -> None:
+    _, wires, poles = line([0, 60, 120], [-1, 0, 1], 9, 400)
+    hidden = (abs(poles[:, 0] - 60) < 5) & (poles[:, 2] > 3.0)
+    towers = found(GROUND, *wires, poles[~hidden]).towers.frame
+    assert len(towers) == 3
+    assert (towers["height"] > 7.9).all()  # the ground is up to 1 m high
+
+
 @pytest.mark.parametrize(
     ("per_metre", "noise", "told"), [(8, 0.03, False), (1, 0.2, True)], ids=["many", "few"]
 )

@@ -30,6 +30,7 @@ from algorithms.shared.kernels.sorting import stable
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks, require_finite
 from algorithms.shared.neighbours import PointTree
+from algorithms.shared.places import may_be_near
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -467,10 +468,10 @@ def against_columns(xyz: Floats, points: Indices, cell: float, ctx: Context = QU
     """
     if not len(points):
         return np.zeros(0, np.uint8)
-    numbers = cell_numbers(xyz, cell)
-    cells, which = np.unique(numbers[points], return_inverse=True)
-    near = np.flatnonzero(is_among(numbers, np.unique(cells + WINDOW[:, None])))
-    columns, z = Columns(numbers[near]), xyz[near, 2]
+    near = np.flatnonzero(may_be_near(xyz[:, :2], xyz[points, :2], 2 * cell))
+    numbers = cell_numbers(xyz[near], cell)
+    columns, z = Columns(numbers), xyz[near, 2]
+    cells, which = np.unique(numbers[np.searchsorted(near, points)], return_inverse=True)
     around = columns.around(cells)
     middle = np.empty(len(cells))
     for k in range(len(cells)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.kernels.squares import numbered
+from algorithms.shared.kernels.squares import layers_above, numbered, tops
 from toolbox.context import log
 
 FEW = 9  # points: with fewer, none has another one in each of eight directions
@@ -120,15 +120,10 @@ def hidden_share(xyz: Floats, ground: Mask, metre: float) -> float:
     if not ground.any():
         return 0.0
     _, squares = _counted_through(_cells(xyz, SQUARE * metre)[0])
-    counts = np.bincount(squares[ground], minlength=int(squares.max()) + 1)
-    top = np.full(len(counts), np.inf)
-    top[counts > 0] = -np.inf
-    np.maximum.at(top, squares[ground], xyz[ground, 2])
-    height = (xyz[:, 2] - top[squares]) / metre - CLEAR
-    above = height >= 0
-    layers = (height[above] / LAYER).astype(np.int64)
+    counts, top = tops(squares, ground, xyz, int(squares.max()) + 1)
+    above, layers = layers_above(squares, xyz, top, metre, CLEAR, LAYER)
     span = int(layers.max(initial=0)) + 1
-    found, points = np.unique(squares[above] * span + layers, return_counts=True)
+    found, points = np.unique(above * span + layers, return_counts=True)
     densest = np.zeros(len(counts), np.int64)
     np.maximum.at(densest, found // span, points)
     with_ground = counts > 0

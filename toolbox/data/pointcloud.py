@@ -426,9 +426,10 @@ class PointCloud(Layer):
         index = indices(np.asarray(which), len(self))
         cloud = self._copy()
         cloud._size = len(index)
-        cloud._packed = None if self._packed is None else frozen(self._packed[index])
+        # Of records and rows, take() is far faster than an index in brackets.
+        cloud._packed = None if self._packed is None else frozen(self._packed.take(index))
         keeps = self._moved or self._packed is None
-        cloud._xyz = frozen(self.xyz[index]) if keeps else None
+        cloud._xyz = frozen(self.xyz.take(index, axis=0)) if keeps else None
         cloud._columns = {name: frozen(values[index]) for name, values in self._columns.items()}
         cloud._origin = None if self._origin is None else frozen(self._origin[index])
         cloud._file = None if self._file is None else frozen(self._file[index])

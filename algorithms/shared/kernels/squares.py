@@ -47,3 +47,27 @@ def shared_by_two(above, blocks, reach, width, lower, upper):
             part = place - k
             lower[blocks[i], k] += 1.0 - part
             upper[blocks[i], k + 1] += part
+
+
+@njit(cache=True, nogil=True)
+def tops(squares, chosen, xyz, size):
+    """Number of the chosen points of each square, and the highest of them; infinite without any."""
+    counts, top = np.zeros(size, np.int64), np.full(size, np.inf)
+    for i in range(len(squares)):
+        if chosen[i]:
+            square = squares[i]
+            top[square] = max(top[square], xyz[i, 2]) if counts[square] else xyz[i, 2]
+            counts[square] += 1
+    return counts, top
+
+
+@njit(cache=True, nogil=True)
+def layers_above(squares, xyz, top, metre, clear, thick):
+    """Squares of the points that are `clear` metres above the top of theirs, and their layers."""
+    above, layers, count = np.empty_like(squares), np.empty_like(squares), 0
+    for i in range(len(squares)):
+        height = (xyz[i, 2] - top[squares[i]]) / metre - clear
+        if height >= 0.0:
+            above[count], layers[count] = squares[i], int(height / thick)
+            count += 1
+    return above[:count], layers[:count]

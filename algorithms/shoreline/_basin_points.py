@@ -47,6 +47,8 @@ class PointBasin:
     highest : height of the highest ground within the outline
     missing : share of the outline, or of the convex hull, without ground
 
+    spill : None: only a lake on a raster runs over
+
     Raises
     ------
     DataError
@@ -91,6 +93,7 @@ class PointBasin:
         covered = self._areas[self._inside].sum() + self._cut.areas.sum()
         self.missing = share_missing(covered, wanted)
         self._joined = np.full(len(corners), -np.inf)
+        self.spill = None
 
     def at(self, x: float, y: float) -> int:
         """Index of the triangle at a position.

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from algorithms.shared.polygons import cells_within
 from algorithms.shoreline import _basin_kernels as kernels
 from algorithms.shoreline._basin_pieces import (
     BLOCK,
@@ -30,18 +33,42 @@ from toolbox.data import Lattice
 from toolbox.errors import DataError
 
 
+class Spill(NamedTuple):
+    """Where a lake runs over its rim: level, and position of the cell of the saddle."""
+
+    level: float
+    x: float
+    y: float
+
+
 class RasterBasin:
     """Ground as squares between the centres of four cells, each cut into four triangles.
 
     The half cells at the edge of the raster, and around cells without a value, hold nothing. The
     rest as that of points, `PointBasin`.
+
+    Parameters
+    ----------
+    fall : what ground behind a saddle must be lower than it to be behind a rim, for `rise`, in the
+        unit of the heights
+
+    Attributes
+    ----------
+    spill : where the lake runs over first; from `rise` on, None if it never does
     """
 
     def __init__(
-        self, heights: Array, lattice: Lattice, outline: Polygon | None, *, ctx: Context = QUIET
+        self,
+        heights: Array,
+        lattice: Lattice,
+        outline: Polygon | None,
+        *,
+        fall: float = 0.0,
+        ctx: Context = QUIET,
     ) -> None:
         if min(heights.shape) < 2:
             raise DataError("a raster needs two rows and two columns of points to be a surface")
+        self._lattice = lattice
         self._x, self._y = lattice.centres()
         self._cell, self._heights = lattice.cell, np.ascontiguousarray(heights, np.float64)
         there = _at_all_corners(np.isfinite(self._heights))
@@ -60,12 +87,15 @@ class RasterBasin:
         self._used = _of_any_square(squares)
         known = _at_all_squares(there)
         self._rim = _of_any_square(self._inside) & ~known
+        self._outer = self._rim & _beside_outside(there)
         self._starts = _of_any_square(self._inside) if self._inside.any() else self._used
         found = np.concatenate([self._heights[self._starts], self._cut.z.ravel()])
         self.lowest, self.highest = float(found.min()), float(found.max())
         covered = self._inside.sum() * self._cell**2 + self._cut.areas.sum()
         self.missing = share_missing(covered, wanted)
         self._joined = np.full(self._heights.shape, -np.inf)
+        self._fall = fall
+        self.spill: Spill | None = None
 
     def at(self, x: float, y: float) -> int:
         """Index of the cell at a position; see :meth:`PointBasin.at`."""
@@ -89,11 +119,12 @@ class RasterBasin:
     def rise(self, start: int, lake: Polygon, *, ctx: Context = QUIET) -> None:
         """Find the water connected with that of the cell `start`, as it rises from there.
 
+        What lies behind the rim over which it runs first is never connected; see `spill`.
         The lake counts with all of its area from that height on, and squares that its outline cuts
         with what is outside of it: without that half a cell would be lost along the shore.
         """
         self.lowest = float(self._heights.flat[start])
-        self._joined = self._flooded(start, ctx)
+        self._joined = self._risen(start, lake, ctx)
         inside, near = self._placed(lake, self._squares(), QUIET)
         water = inside | near
         around = shapely.box(*lake.bounds).buffer(2 * self._cell)
@@ -107,6 +138,32 @@ class RasterBasin:
         under = np.nextafter(self.lowest, -np.inf)  # water counts where it is above the ground
         self._lake = Cut(np.full((1, 3), under), np.array([lake.area]), np.zeros(1, int))
         ctx.progress(1.0)
+
+    def _risen(self, start: int, lake: Polygon, ctx: Context) -> Array:
+        """Levels above which cells are one water with the lake, on its side of the rim."""
+        heights, used = self._heights, self._used
+        wet = np.zeros(heights.shape, bool)
+        wet[cells_within(lake, self._lattice)] = True
+        wet &= used
+        wet.flat[start] = True
+        joined = np.where(wet, np.fmax(heights, self.lowest), np.inf)
+        shore = np.flatnonzero(ndimage.binary_dilation(wet) & used & ~wet)
+        levels = np.fmax(heights.flat[shore], self.lowest)
+        order = np.argsort(levels, kind="stable")  # in which order they are taken
+        levels, items = levels[order], 2 * shore[order]
+        size = np.array([len(levels)])
+        side = np.where(wet, kernels.OWN, kernels.FREE).astype(np.uint8)
+        tally = np.array([np.count_nonzero(wet), joined[wet].sum()])
+        spill = np.array([np.inf, -1.0])
+        what = (heights, used, self._outer, self.lowest, self._fall, joined, side, tally, spill)
+        more = len(levels) > 0
+        while more:
+            ctx.progress(0.0)
+            levels, items, more = kernels.flood_lake(*what, levels, items, size)
+        if np.isfinite(spill[0]):
+            row, col = divmod(int(spill[1]), heights.shape[1])
+            self.spill = Spill(float(spill[0]), float(self._x[col]), float(self._y[row]))
+        return joined
 
     def opens(self) -> float:
         """See :meth:`PointBasin.opens`."""
@@ -189,6 +246,20 @@ def _lowest_corner(cells: Array) -> Array:
     """The least value of the four cells of each square."""
     rows = np.minimum(cells[:-1], cells[1:])
     return np.minimum(rows[:, :-1], rows[:, 1:])
+
+
+def _beside_outside(there: Mask) -> Mask:
+    """True for cells beside which the data ends, and not at a gap in it.
+
+    Parameters
+    ----------
+    there : array of shape (rows - 1, cols - 1), squares that are known
+    """
+    outside = np.pad(~there, 1, constant_values=True)
+    border = np.ones(outside.shape, bool)
+    border[1:-1, 1:-1] = False
+    ends = ndimage.binary_propagation(border, np.ones((3, 3), bool), outside)
+    return ~_at_all_corners(~ends)
 
 
 def _of_any_square(squares: Mask) -> Mask:

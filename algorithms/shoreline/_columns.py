@@ -46,5 +46,6 @@ CURVE = {
     "volume_gain_m3": Column("Gain of volume", "m³", 0),
     "apart_m2": Column("Area apart, not filled", "m²", 0),
     "open": Column("Reaches the edge of the data"),
+    "overtopped": Column("Above the rim of the lake"),
     "heights": Column("Heights"),
 }

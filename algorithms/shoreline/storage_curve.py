@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Literal
 
+import geopandas
 import numpy as np
 import pandas as pd
 import shapely
@@ -24,7 +25,7 @@ from algorithms.shoreline import _basin_kernels as kernels
 from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._basin_pieces import BLOCK, Pieces
 from algorithms.shoreline._basin_points import PointBasin
-from algorithms.shoreline._basin_raster import RasterBasin
+from algorithms.shoreline._basin_raster import RasterBasin, Spill
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
@@ -36,6 +37,8 @@ MOST_LEVELS = 100_000  # more are taken for a mistake in the step
 DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 ROUNDING = 1e-9  # steps
 GROUND = 2  # class
+OVERTOPPED = "overtopped"  # column of the curve of a lake
+FALL = 0.3  # metres that water must fall behind a rim: roughness of ground is no rim
 NINETY_FIVE = 1.96  # standard errors on each side of 95 % of a normal distribution
 
 
@@ -67,18 +70,24 @@ class ShorelineStorageCurve:
     ground within the outline, or of all. With `all` everything below the level counts.
 
     Water that reaches the edge of the data, or a gap in it, would run out or go on there: from that
-    level on the column open is true, and the figures are lower limits. Ground under water that the
-    survey could not see does not count as depth.
+    level on the column open is true, and what lies beyond is not in the figures. Ground under
+    water that the survey could not see does not count as depth.
 
     With a `lake`, and a terrain into which its water was laid by surface.flatten_water, the curve
     is that of this lake: it begins at its level with the area of its polygon, and water rises
     from there, into side valleys as it gets there. The last level is by default the one at which
-    it would run over the rim, or reach the edge of the data; what lies beyond a dam, lower, does
-    not count below that.
+    the lake runs over its rim: over the lowest saddle behind which the water leaves the data on
+    ground lower than the lake in the survey, and 0.3 m below the saddle, or a hollow takes more
+    than what the lake has stored by then. That level and place are told. Without such a saddle it
+    is the level at which the water reaches the edge of the data. Levels above are marked
+    overtopped: they count what lies on the lake's side of the rim, as if it were higher, and never
+    a basin behind it.
 
     With `height_error`, a standard error that all heights have in common, as that of a level or of
     a survey, the table has the limits between which area and volume lie with 95 %: the figures of
-    water that much lower and higher. Errors of single heights cancel out beside it.
+    water that much lower and higher. Errors of single heights cancel out beside it. Not in the
+    limits are the spacing of points, plants taken for ground, ground under water, and an error of
+    the survey's heights that was not given.
 
     The table has the level in the unit of the heights, and in metres; areas and volumes are in
     square and cubic metres. Gains are those from the level before. The column heights names the
@@ -164,28 +173,48 @@ class ShorelineStorageCurve:
         )
         area: float = sink("Area at the last level", unit="m2")
         volume: float = sink("Volume at the last level", unit="m3")
+        spill: float | None = sink(
+            "Level at which the lake runs over its rim; none if never",
+            unit="m",
+            label="Level at which it runs over",
+        )
+        spill_point: Vector = sink("Where it does, a point at that level", label="Spill point")
         missing_share: float = sink("Share of the outline, or of all, without ground", unit="1")
 
         def in_words(self) -> str:
-            """Area and volume at the last level."""
+            """Area and volume at the last level, and where the lake runs over."""
             frame = self.curve.frame
             levels = frame["level_m"]
-            return (
+            above = "its lowest ground,"
+            if OVERTOPPED in frame:
+                above = "the level of the survey, that is"
+            words = (
                 f"At a level of {levels.iloc[-1]:.2f} m the basin has an area of {self.area:.0f} "
-                f"m² and holds {self.volume:.0f} m³ above its lowest ground, "
-                f"{self.lowest_ground:.2f} m. The curve has {len(frame)} levels from "
-                f"{levels.iloc[0]:.2f} m on."
+                f"m² and holds {self.volume:.0f} m³ above {above} {self.lowest_ground:.2f} m. "
+                f"The curve has {len(frame)} levels from {levels.iloc[0]:.2f} m on."
             )
+            return words if self.spill is None else f"{words} {self._runs_over()}"
+
+        def _runs_over(self) -> str:
+            """Level and place of the spill."""
+            (place,) = self.spill_point.frame.geometry
+            at = f"{place.x:.1f}, {place.y:.1f}"
+            return f"The lake runs over its rim at {self.spill:.2f} m, at {at}."
 
         def not_looked_at(self) -> Iterator[str]:
             """Ground that is missing, and levels at which the water leaves the data."""
             if self.missing_share:
                 share = f"{100 * self.missing_share:.2g} %"
                 yield f"{share} of the area has no ground, and holds nothing in these figures."
-            if self.opens is not None:
+            if self.opens is not None and self.opens < self.curve.frame["level_m"].iloc[-1]:
                 yield (
                     f"Above {self.opens:.2f} m the water reaches the edge of the data: what lies "
-                    "beyond was not seen, and areas and volumes are lower limits."
+                    "beyond was not seen, and is not in the figures."
+                )
+            if self.spill is not None and self.spill < self.curve.frame["level_m"].iloc[-1]:
+                yield (
+                    f"{self._runs_over()} Higher levels count what lies on its side of the rim, "
+                    "and only a rim that is raised would hold that."
                 )
 
     def check(self) -> Iterator[tuple[str, str]]:
@@ -227,35 +256,39 @@ class ShorelineStorageCurve:
         highest = basin.highest if self.highest is None else self.highest
         if self.fill == "connected":
             self._fill(basin, highest, ctx.part(0.6, 0.8))
-        opens = basin.opens()
-        if self.lake is not None and self.highest is None and basin.lowest < opens < math.inf:
-            highest = opens
-        first = self._first(basin.lowest, highest)
-        if self.lake is not None:
-            first = max(first, basin.lowest)  # a level given in more digits than the raster has
-        levels = levels_between(first, highest, self.step)
-        if (
-            self.lake is not None
-            and (next_one := whole(first + self.step / 100, self.step)) < highest
-        ):
-            levels = np.append(first, levels_between(next_one, highest, self.step))
+        opens, spill = basin.opens(), basin.spill.level if basin.spill else math.inf
+        if self.lake is not None and self.highest is None:
+            highest = last_level(basin.lowest, spill, opens, highest)
+        levels = self._levels(basin.lowest, highest)
         area, volume, everything = storage(basin.pieces(), levels, ctx=ctx.part(0.8, 0.9))
         made = table(levels, area, volume, everything, opens, ground)
         if self.height_error:
             made = with_limits(made, basin.pieces, levels, NINETY_FIVE * self.height_error, ground)
+        if self.lake is not None:
+            made = with_rim(made, levels > spill)
         ctx.progress(1.0)
-        if opens < highest:
-            log.warning(
-                "above %.9g the water reaches the edge of the data: figures are lower limits", opens
-            )
+        tell(basin, opens, float(levels[-1]), ground)
         return self.Outputs(
             curve=made,
             lowest_ground=basin.lowest,
             opens=opens if math.isfinite(opens) else None,
             area=float(area[-1]),
             volume=float(volume[-1]),
+            spill=spill if math.isfinite(spill) else None,
+            spill_point=spill_point(basin.spill, ground.crs),
             missing_share=basin.missing,
         )
+
+    def _levels(self, lowest: float, highest: float) -> Array:
+        """The levels; those of a lake begin at its level, and go on in whole steps."""
+        first = self._first(lowest, highest)
+        if self.lake is None:
+            return levels_between(first, highest, self.step)
+        first = max(first, lowest)  # a level given in more digits than the raster has
+        further = whole(first + self.step / 100, self.step)
+        if further < highest:
+            return np.append(first, levels_between(further, highest, self.step))
+        return levels_between(first, highest, self.step)
 
     def _basin(self, ctx: Context) -> PointBasin | RasterBasin:
         """The ground within the outline."""
@@ -266,7 +299,8 @@ class ShorelineStorageCurve:
                 raise DataError(f"outline: {self.outline.name} holds no polygon")
         if self.terrain is not None:
             found = Lattice.of(self.terrain)
-            return RasterBasin(self.terrain.band(), found, outline, ctx=ctx)
+            fall = FALL * self.terrain.metre
+            return RasterBasin(self.terrain.band(), found, outline, fall=fall, ctx=ctx)
         return PointBasin(self._ground_points(ctx), outline, self.max_gap or math.inf, ctx=ctx)
 
     def _ground_points(self, ctx: Context) -> Array:
@@ -310,7 +344,8 @@ class ShorelineStorageCurve:
         if first is None:
             first = math.floor(ground / self.step + ROUNDING) * self.step
         if highest < ground:
-            raise DataError(f"highest: {highest:.9g} is below the lowest ground, {ground:.9g}")
+            what = "lowest ground" if self.lake is None else "level of the lake in the survey"
+            raise DataError(f"highest: {highest:.9g} is below the {what}, {ground:.9g}")
         if highest < first:
             raise DataError(f"lowest: {first:.9g} is above the highest ground, {highest:.9g}")
         return first
@@ -325,6 +360,53 @@ def whole(level: float, step: float) -> float:
     (500.0, 500.5)
     """
     return (math.floor(level / step + ROUNDING) + 1) * step
+
+
+def last_level(level: float, spill: float, opens: float, top: float) -> float:
+    """Up to where the curve of a lake goes if it is not told.
+
+    It is the level at which the lake runs over; without a spill the one at which it reaches the
+    edge of the data, and if it lies there from the beginning, the top of the ground.
+
+    Examples
+    --------
+    >>> inf = float("inf")
+    >>> last_level(5.0, 8.0, 5.0, 20.0), last_level(5.0, inf, 6.0, 20.0)
+    (8.0, 6.0)
+    >>> last_level(5.0, inf, 5.0, 20.0)
+    20.0
+    """
+    if math.isfinite(spill):
+        return spill
+    return opens if level < opens < math.inf else top
+
+
+def tell(basin: PointBasin | RasterBasin, opens: float, last: float, ground: Any) -> None:
+    """Warn of an edge of the data that the water reaches, and of a rim that it runs over."""
+    unit = "m" if ground.metre == 1 else vertical_unit(ground.crs)
+    if opens < last:
+        log.warning(
+            "above %.3f %s the water reaches the edge of the data: what lies beyond was not seen, "
+            "and is not in the figures",
+            opens,
+            unit,
+        )
+    if spill := basin.spill:
+        place = (spill.level, unit, spill.x, spill.y)
+        log.info("the lake runs over its rim at %.3f %s, at %.1f, %.1f", *place)
+        if spill.level < last:
+            log.warning(
+                "the lake runs over its rim at %.3f %s, at %.1f, %.1f: levels above are marked "
+                "overtopped, and count its own side of the rim alone",
+                *place,
+            )
+
+
+def spill_point(spill: Spill | None, crs: CRS | None) -> Vector:
+    """Where a lake runs over, as a layer of one point with the level; empty if it never does."""
+    points = [shapely.Point(spill.x, spill.y, spill.level)] if spill else []
+    levels = {"level": np.array([spill.level] if spill else [], float)}
+    return Vector(geopandas.GeoDataFrame(levels, geometry=points, crs=crs), geometry_type="Point Z")
 
 
 def largest(lake: Vector) -> shapely.Polygon | None:
@@ -353,6 +435,13 @@ def with_limits(
         area, volume, _ = storage(pieces(), levels + shift)
         frame[f"area_{name}_m2"] = np.maximum(area / ground.metre**2, frame["area_m2"].iloc[0])
         frame[f"volume_{name}_m3"] = volume / ground.metre**3
+    return Table(frame)
+
+
+def with_rim(made: Table, overtopped: NDArray[np.bool_]) -> Table:
+    """A storage curve with a column that marks the levels above the rim of the lake."""
+    frame = made.frame
+    frame.insert(frame.columns.tolist().index("open") + 1, OVERTOPPED, overtopped)
     return Table(frame)
 
 

@@ -3,20 +3,59 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from pyproj import CRS
+from scipy import ndimage
 
 import toolbox
 from algorithms.samples.scene import SamplesScene
+from algorithms.shared.polygons import cells_within
 from toolbox.cli.main import main
-from toolbox.data import PointCloud
+from toolbox.data import Lattice, PointCloud, Raster
 
 
 @pytest.fixture(scope="module")
 def lake() -> PointCloud:
     return SamplesScene(kind="reservoir", size=160.0, density=2.0).run().points
+
+
+def behind_the_dam(bed: Raster, ponds: Any, level: float, top: float, size: float) -> float:
+    """True volume between two levels north of the crest, from the cells of the bed."""
+    lattice = Lattice.of(bed)
+    z = bed.band().astype(float)
+    for shape, water in zip(ponds.geometry, ponds["level"], strict=True):
+        rows, cols = cells_within(shapely.force_2d(shape), lattice)
+        z[rows, cols] = np.maximum(z[rows, cols], water)  # depth below their level is not seen
+    north = lattice.centres()[1] - (lattice.north - size) > 0.25 * size
+    bodies, _ = ndimage.label((z < top) & north[:, None], np.ones((3, 3)))
+    lake = bodies == 1 + np.argmax(np.bincount(bodies.ravel())[1:])
+    depth = np.where(lake, top - np.maximum(z, level), 0.0)
+    return float(depth.sum() * lattice.cell**2)
+
+
+@pytest.mark.slow
+def test_the_curve_holds_what_lies_behind_the_dam_and_ends_at_its_crest() -> None:
+    """Seeds and sizes that nothing was chosen on."""
+    for seed, size in ((11, 140.0), (12, 200.0)):
+        made = SamplesScene(kind="reservoir", size=size, seed=seed).run()
+        found = toolbox.run("models.reservoir_storage", {"points": made.points})
+        crest = 500 + min(3.0, 0.25 * min(14.0, 0.07 * size))
+        assert found["spill"] == pytest.approx(crest, abs=0.05)
+        place = found["spill_point"].frame.geometry.iloc[0]
+        south = Lattice.of(made.terrain).north - size
+        assert place.y - south == pytest.approx(0.25 * size, abs=4.0), "on the dam"
+        frame, features = found["curve"].frame, made.features.frame
+        assert frame["level_m"].iloc[-1] == found["spill"]
+        assert not frame["overtopped"].any()
+        ponds = features[features["body"] == "pond"]
+        for row in frame.iloc[1:].itertuples():
+            true = behind_the_dam(made.terrain, ponds, found["level"], row.level_m, size)
+            assert row.volume_low_m3 < true < row.volume_high_m3
+            assert row.volume_m3 == pytest.approx(true, rel=0.01)
 
 
 @pytest.mark.slow

@@ -165,7 +165,7 @@ def test_water_at_the_edge_is_told(caplog: pytest.LogCaptureFixture) -> None:
     assert out.opens == 3
     frame = out.curve.frame
     assert frame["level"][frame["open"]].min() == 4
-    assert "above 3 the water reaches the edge" in caplog.text
+    assert "above 3.000 m the water reaches the edge" in caplog.text
 
 
 def test_a_gap_opens_the_basin_and_is_counted(caplog: pytest.LogCaptureFixture) -> None:
@@ -390,11 +390,97 @@ def test_the_curve_of_a_lake_begins_at_its_level_and_ends_where_it_runs_over() -
     found = ShorelineStorageCurve(terrain=terrain, lake=lake, lowest=10.0, step=0.5).run()
     frame = found.curve.frame
     assert found.lowest_ground == 10.0
-    assert found.opens == pytest.approx(11.5)
+    assert found.spill == pytest.approx(11.5)
+    assert found.opens is None
+    place = found.spill_point.frame.geometry.iloc[0]
+    assert (place.x, place.y) == (500_009.5, 4_399_982.5), "the last cell of the gap"
+    assert "runs over its rim at 11.50 m, at 500009.5, 4399982.5" in found.in_words()
+    assert "above the level of the survey, that is 10.00 m" in found.in_words()
     assert frame["level"].tolist() == [10.0, 10.5, 11.0, 11.5]
     assert frame["area_m2"].iloc[0] == pytest.approx(100.0), "nothing of the valley"
     other = ShorelineStorageCurve(terrain=terrain, lowest=10.0, step=0.5, highest=11.5).run()
     assert other.lowest_ground == 5.0
+
+
+def risen(heights: Floats, level: float, box: tuple[int, int, int, int], **how: Any) -> Any:
+    """The curve of a lake on rows and columns of cells of 1 m; box is its rows and columns."""
+    rows, cols = heights.shape
+    lattice = Lattice(500_000.0, 4_400_000.0, 1.0, rows, cols)
+    top, bottom, left, right = box
+    shape = shapely.box(500_000 + left, 4.4e6 - bottom, 500_000 + right, 4.4e6 - top)
+    frame = geopandas.GeoDataFrame({"level": [level]}, geometry=[shape], crs=CRS(32635))
+    terrain = Raster.from_lattice(heights, lattice, crs=CRS(32635))
+    return ShorelineStorageCurve(terrain=terrain, lake=Vector(frame), **how).run()
+
+
+def test_levels_above_the_rim_count_the_side_of_the_lake_alone(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    terrain, lake = dammed()
+    found = ShorelineStorageCurve(terrain=terrain, lake=lake, step=0.5, highest=13.0).run()
+    frame = found.curve.frame.set_index("level")
+    assert frame["overtopped"].tolist() == [False] * 4 + [True] * 3
+    assert not frame["open"].any()
+    # 10 x 10 m, sides of one cell that rise by 4 m, and a gap of 3 x 2 m at 11.5 m, no valley
+    assert 300 < frame["volume_m3"][13.0] < 400
+    assert "runs over its rim at 11.500 m, at 500009.5, 4399982.5: levels above" in caplog.text
+    assert any("a rim that is raised would hold" in text for text in found.not_looked_at())
+
+
+def test_an_edge_that_the_lake_touches_hides_no_spill() -> None:
+    z = np.full((30, 30), 14.0)
+    z[0:15, 5:15] = 10.0  # up to the edge of the data
+    z[15:18, 9:11] = 11.5
+    z[18:30, 5:15] = 5.0
+    found = risen(z, 10.0, (0, 15, 5, 15))
+    assert (found.opens, found.spill) == (10.0, 11.5)
+    assert found.curve.frame["level"].iloc[-1] == 11.5
+    assert found.curve.frame["open"].tolist() == [False, True, True]
+    assert any("Above 10.00 m the water reaches" in text for text in found.not_looked_at())
+
+
+@pytest.mark.parametrize(("behind", "spill"), [(8.0, True), (10.5, False)])
+def test_a_hollow_at_the_edge_higher_than_the_lake_is_an_edge_and_no_spill(
+    behind: float, spill: bool
+) -> None:
+    """What lies beyond may hold it; ground below the lake holds nothing of it."""
+    z = np.full((30, 30), 14.0)
+    z[5:15, 5:15] = 10.0
+    z[15:18, 9:11] = 11.5
+    z[18:30, 9:11] = behind
+    found = risen(z, 10.0, (5, 15, 5, 15))
+    assert (found.spill, found.opens) == ((11.5, None) if spill else (None, 11.5))
+
+
+def test_roughness_at_the_edge_of_the_data_is_no_rim() -> None:
+    """Waves of 10 cm between a lake and the edge, as where its polygon ends half a cell before."""
+    z = np.full((30, 30), 14.0)
+    z[0:15, 5:15] = 10.0
+    z[1, 5:15] = 10.1
+    z[0, 5:15] = 9.95
+    found = risen(z, 10.0, (2, 15, 5, 15))
+    assert (found.spill, found.opens) == (None, 10.1)
+
+
+@pytest.mark.parametrize(("deep", "spill"), [(9.0, None), (5.0, 11.0)])
+def test_a_hollow_is_of_the_lake_unless_it_takes_more_than_the_lake_has_stored(
+    deep: float, spill: float | None
+) -> None:
+    """A lake of 100 m2 that has risen by 1 m, beside a hollow of 50 m2, 2 m or 6 m deep."""
+    z = np.full((30, 30), 14.0)
+    z[5:15, 5:15] = 10.0
+    z[15, 9:11] = 11.0
+    z[16:21, 5:15] = deep
+    found = risen(z, 10.0, (5, 15, 5, 15), highest=13.0)
+    assert found.spill == spill
+    volume = found.curve.frame.set_index("level")["volume_m3"]
+    assert (volume[12.0] > 300) == (spill is None)
+
+
+def test_the_level_of_the_lake_is_named_where_the_highest_is_below_it() -> None:
+    terrain, lake = dammed()
+    with pytest.raises(DataError, match="highest: 9 is below the level of the lake in the survey"):
+        ShorelineStorageCurve(terrain=terrain, lake=lake, highest=9.0).run()
 
 
 def test_limits_are_the_curve_of_water_lower_and_higher() -> None:

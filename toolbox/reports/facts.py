@@ -11,6 +11,7 @@ from toolbox import __version__
 from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import describe_crs, height_system, is_local
 from toolbox.data.layer import Layer
+from toolbox.data.report import unit_text
 from toolbox.declare.fields import Spec
 from toolbox.reports import words
 
@@ -81,6 +82,6 @@ def _chosen(spec: Spec, record: Record | None) -> str:
         field = spec.inputs[name]
         default = None if field.required else field.to_json(field.default)
         if value is not None and (value != default or name in _ALWAYS):
-            unit = words.unit_text(field.unit)
+            unit = unit_text(field.unit)
             parts.append(f"{field.title} {words.setting_text(value)} {unit}".strip())
     return "; ".join(parts)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from toolbox.data import Figure, Report, Rows, Section, Table
 from toolbox.data.layer import Layer
-from toolbox.data.report import Block, Head, Plot
+from toolbox.data.report import Block, Head, Plot, unit_text
 from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
 from toolbox.reports import words
@@ -133,8 +133,8 @@ def _results(spec: Spec, found: Mapping[str, Any]) -> list[Section]:
     for name, value in found.items():
         field = spec.results[name]
         if value is not None and not field.kind.is_layer:
-            text, unit = words.result_text(value, field.unit, field.help)
-            rows.append({"Result": field.help, "Value": text, "Unit": unit})
+            shown, unit = words.result_value(value, field.unit, field.help)
+            rows.append({"Result": field.help, "Value": shown, "Unit": unit})
     return [Section("Results", [Rows(Table.from_rows(rows), short=len(rows))])] if rows else []
 
 
@@ -207,7 +207,7 @@ def _settings(spec: Spec, record: Record | None) -> list[Section]:
             "Setting": field.title,
             "Meaning": field.help,
             "Value": words.setting_text(record.parameters[name]),
-            "Unit": words.unit_text(field.unit),
+            "Unit": unit_text(field.unit),
             "Name": name,
         }
         for name, field in spec.inputs.items()

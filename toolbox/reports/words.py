@@ -9,19 +9,12 @@ from typing import Any
 
 from toolbox.data.crs import vertical_unit
 from toolbox.data.layer import Layer
-from toolbox.data.report import Column
+from toolbox.data.report import Column, unit_text
 from toolbox.declare.fields import Spec
 from toolbox.labels import in_words
 from toolbox.pictures.images import LENGTHS
 
-_UNITS = {"1": "", "m2": "m²", "m3": "m³", "1/m": "1/m", "1/m2": "1/m²", "degC": "°C", "deg": "°"}
-_UNITS |= {"W/m2": "W/m²"}
 _SHARE = re.compile(r"\bshare\b", re.I)
-
-
-def unit_text(unit: str | None) -> str:
-    """A unit with its raised numbers; "" of a ratio or count."""
-    return _UNITS.get(unit or "", unit or "")
 
 
 def value_text(value: Any, unit: str | None) -> str:
@@ -37,6 +30,24 @@ def value_text(value: Any, unit: str | None) -> str:
     return f"{value:.4g}" if abs(value) < 1000 else f"{value:.1f}"
 
 
+def result_value(value: Any, unit: str | None, help: str) -> tuple[Any, str]:
+    """A result as a table holds it, and its unit there: numbers as numbers, shares in percent.
+
+    Examples
+    --------
+    >>> result_value(0.5, "1", "Share of points that are ground")
+    (50.0, '%')
+    """
+    if _in_percent(value, unit, help):
+        return value * 100, "%"
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return value if number else value_text(value, unit), unit or ""
+
+
+def _in_percent(value: Any, unit: str | None, help: str) -> bool:
+    return unit == "1" and isinstance(value, float) and bool(_SHARE.search(help))
+
+
 def result_text(value: Any, unit: str | None, help: str) -> tuple[str, str]:
     """A result and its unit as they are shown; shares in percent.
 
@@ -45,7 +56,7 @@ def result_text(value: Any, unit: str | None, help: str) -> tuple[str, str]:
     >>> result_text(0.3773, "1", "Share of points that are ground")
     ('37.7', '%')
     """
-    if unit == "1" and isinstance(value, float) and _SHARE.search(help):
+    if _in_percent(value, unit, help):
         return f"{value * 100:.1f}", "%"
     return value_text(value, unit), unit_text(unit)
 

@@ -7,9 +7,10 @@ from html import escape
 from textwrap import shorten
 from typing import Any
 
+from toolbox.data.report import unit_text
 from toolbox.declare.fields import Spec
 from toolbox.errors import UnknownResult, nearest
-from toolbox.reports.words import unit_text, value_text
+from toolbox.reports.words import value_text
 
 _LONGEST = 80  # characters of a text that is a result
 _SHOWN = 3  # results of a repeated step

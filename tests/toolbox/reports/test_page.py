@@ -38,7 +38,7 @@ def test_page_of_numbers_and_tables(points: Path) -> None:
     written = toolbox.run("compare.classes", {**values, "page": place})
     assert written["page"] == place
     text = place.read_text()
-    assert 'Agreement beyond chance (Cohen)</td><td class="short">1</td>' in text
+    assert 'Agreement beyond chance (Cohen)</td><td class="number">1</td>' in text
     assert "<h2>Confusion matrix</h2>" in text
     assert "points: a.laz" in text
     assert replay(place) == []

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-from toolbox.data.report.columns import Column, column_of
+from toolbox.data.report.columns import Column, column_of, unit_text
+from toolbox.data.report.measures import VALUE, row_digits, unit_column
 from toolbox.data.table import Table, is_number
 
 if TYPE_CHECKING:
@@ -79,7 +80,15 @@ class Rows:
         frame = self.table.frame
         hidden = [n for n in frame if (c := self.columns.get(str(n))) and not c.heading]
         empty = [n for n in frame if len(frame) and frame[n].isna().all()]
+        units = unit_column(frame)
+        if units is not None:
+            frame = frame.assign(**{str(units): frame[units].map(unit_text, na_action="ignore")})
         return frame.drop(columns=[*hidden, *empty])
+
+    @cached_property
+    def row_digits(self) -> list[int] | None:
+        """Digits of the numbers of each row that is shown, if each has a unit of its own."""
+        return row_digits(self.table.frame)
 
     @property
     def left_out(self) -> int:
@@ -106,19 +115,26 @@ class Rows:
     def headings(self) -> list[tuple[Column, bool]]:
         """How each column is shown, and whether it holds numbers."""
         return [
-            (column_of(str(name), values, self.columns), is_number(values))
+            (column_of(str(name), values, self.columns), self.is_number(name, values))
             for name, values in self.shown.items()
         ]
+
+    def is_number(self, name: object, values: pd.Series[Any]) -> bool:
+        """Whether a column holds numbers; among the values of measures may be texts."""
+        measured = self.row_digits is not None and str(name).lower() == VALUE
+        return is_number(values) or measured
 
     @cached_property
     def cells(self) -> list[list[str]]:
         """The texts of the cells of each row that is shown."""
         frame = self.shown.head(self.most)
+        digits: Sequence[int | None] = self.row_digits or [None] * len(frame)
         texts = [
-            ["" if absent else how.text(value) for value, absent in zip(values, gone, strict=True)]
-            for (how, _), (_, values), (_, gone) in zip(
-                self.headings, frame.items(), frame.isna().items(), strict=True
-            )
+            [
+                "" if absent else how.text(value, n)
+                for value, absent, n in zip(values, values.isna(), digits, strict=False)
+            ]
+            for (how, _), (_, values) in zip(self.headings, frame.items(), strict=True)
         ]
         return [list(row) for row in zip(*texts, strict=True)]
 

@@ -14,6 +14,8 @@ from toolbox.data.table import cell_text, is_number
 if TYPE_CHECKING:
     import pandas as pd
 
+_UNITS = {"1": "", "m2": "m²", "m3": "m³", "1/m2": "1/m²", "degC": "°C", "deg": "°"}
+_UNITS |= {"ft2": "ft²", "ft3": "ft³", "W/m2": "W/m²"}
 _SUFFIXES = {"_m2": "m²", "_m3": "m³", "_m": "m", "_deg": "°", "_kv": "kV"}
 _MOST_DIGITS = 4
 _WHOLE = 1000  # numbers from this on have no digits after the point, unless they are said
@@ -43,13 +45,20 @@ class Column:
     digits: int | None = None
     factor: float = 1.0
 
-    def text(self, value: Any) -> str:
-        """A value of the column as it is shown."""
+    def text(self, value: Any, digits: int | None = None) -> str:
+        """A value of the column as it is shown, with its own digits unless others are given.
+
+        What is rounded to nothing has no sign.
+        """
+        digits = self.digits if digits is None else digits
         if isinstance(value, bool | np.bool_):
             return _YES[bool(value)]
-        if not isinstance(value, float | np.floating) or self.digits is None:
+        if not isinstance(value, float | np.floating) or digits is None:
             return cell_text(value)
-        return f"{float(value) * self.factor:.{self.digits}f}" if math.isfinite(value) else ""
+        if not math.isfinite(value):
+            return ""
+        text = f"{float(value) * self.factor:.{digits}f}"
+        return text.lstrip("-") if float(text) == 0 else text
 
 
 COMMON: Mapping[str, Column] = {
@@ -70,6 +79,11 @@ COMMON: Mapping[str, Column] = {
     "sd": Column("Standard deviation", "", 3),
 }
 """What several tools call the same; a tool declares its own columns with its sink."""
+
+
+def unit_text(unit: str | None) -> str:
+    """A unit with its raised numbers; "" of a ratio or count."""
+    return _UNITS.get(unit or "", unit or "")
 
 
 def column_of(name: str, values: pd.Series[Any], declared: Mapping[str, Column]) -> Column:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from io import BytesIO
 from pathlib import Path
@@ -107,10 +107,10 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
         letter = get_column_letter(number)
         longest = max((len(str(v)) for v in values if isinstance(v, str)), default=0)
         sheet.column_dimensions[letter].width = min(max(longest, 12), _WIDEST)
-        if column.digits is not None:
-            form = "0" if not column.digits else f"0.{'0' * column.digits}"
-            for cell in sheet[letter][1:]:
-                cell.number_format = form
+        own: Sequence[int | None] = rows.row_digits or [column.digits] * len(values)
+        for cell, digits in zip(sheet[letter][1:], own, strict=True):
+            if digits is not None and isinstance(cell.value, float):
+                cell.number_format = f"0.{'0' * digits}" if digits else "0"
     sheet.freeze_panes = "B2"
     sheet.auto_filter.ref = sheet.dimensions
 

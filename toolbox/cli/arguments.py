@@ -40,6 +40,7 @@ def parser(described: Description) -> argparse.ArgumentParser:
     """Make the parser of one tool; each value is appended to a list under its name."""
     made = _Parser(
         f"toolbox run {described['id']}",
+        usage=_usage(described),
         description=f"{described['title']}\n\n{described['description']}",
         epilog=_examples(described),
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -64,6 +65,12 @@ def parser(described: Description) -> argparse.ArgumentParser:
     general = made.add_argument_group(language.text("how to run"))
     _add_general(general, described.get("deliver", ()))
     return made
+
+
+def _usage(described: Description) -> str:
+    """What must be given; all options would fill twenty lines, and stand below with their help."""
+    must = [name for name, field in described["inputs"].items() if field.get("minOccurs", 1)]
+    return " ".join([f"toolbox run {described['id']}", *(f"--{n} ..." for n in must), "[options]"])
 
 
 def _examples(described: Description) -> str | None:
@@ -141,7 +148,9 @@ def _add_general(group: Any, delivered: Iterable[Description]) -> None:
         "--picture", metavar="PNG", help=language.text("draw a plot of the resulting layers")
     )
     group.add_argument(
-        "--page", metavar="FILE", help=language.text("write a report of all results: .html or .pdf")
+        "--page",
+        metavar="FILE",
+        help=language.text("write a report of all results: .html, .pdf or .xlsx"),
     )
     if names := dict.fromkeys(one["file"] for one in delivered):
         text = language.text("write the set that is handed over:")

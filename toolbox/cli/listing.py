@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
+from itertools import groupby, zip_longest
 from typing import IO, Any
 
 from toolbox import language
@@ -69,15 +70,6 @@ def lines(tools: Sequence[Summary], width: int | None) -> Iterator[str]:
         first = False
         for tool in members:
             says = tool["description"].partition("\n")[0].rstrip(".") or tool["title"]
-            yield cut(f"  {tool['id']:{ids}}{says}", width).rstrip()
-
-
-def cut(text: str, width: int | None) -> str:
-    """A text that fits into some columns, with dots where it does not.
-
-    Examples
-    --------
-    >>> cut("terrain and surface", 12), cut("terrain", None)
-    ('terrain a...', 'terrain')
-    """
-    return text if width is None or len(text) <= width else f"{text[: width - 3]}..."
+            told = textwrap.wrap(says, width - ids - 2) if width else [says]
+            for name, line in zip_longest([tool["id"]], told, fillvalue=""):
+                yield f"  {name:{ids}}{line}".rstrip()

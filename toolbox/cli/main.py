@@ -51,6 +51,8 @@ def main(argv: list[str] | None = None) -> int:
     if not said:
         print(listing.GUIDE)
         return 0
+    if said[0] == "help":
+        said = _help(said[1:])
     try:
         first = {"run": _run, "batch": _batch, "demo": _demo}.get(said[0] if said else "")
         code = first(said[1:]) if first else _other(said)
@@ -66,6 +68,17 @@ def main(argv: list[str] | None = None) -> int:
         )
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the end would fail again
     return code
+
+
+def _help(said: list[str]) -> list[str]:
+    """What to run for ``help``, of a verb or a tool.
+
+    >>> _help([]), _help(["list"]), _help(["ground.csf"])
+    (['--help'], ['list', '--help'], ['run', 'ground.csf', '--help'])
+    """
+    if not said:
+        return ["--help"]
+    return [said[0], "--help"] if "." not in said[0] else ["run", said[0], "--help"]
 
 
 def _never_failing(stream: object) -> None:
@@ -360,7 +373,8 @@ def _kept(
     """Add the run inside this context to the history, whether it succeeds or fails."""
     outputs: dict[str, Any] = {}
     started, code = time.monotonic(), 0
-    more = {name: general[name] for name in ("assume_crs", *SHOWN) if name in general}
+    how = ("assume_crs", "tile", "memory", "workers", *SHOWN)
+    more = {name: general[name] for name in how if name in general}
     try:
         yield outputs
     except BaseException as err:

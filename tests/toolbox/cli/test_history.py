@@ -104,6 +104,22 @@ def test_options_of_layers_and_models_become_absolute(kept: Path, points: Path) 
     }
 
 
+def test_how_it_was_run_in_tiles_is_kept(
+    kept: Path, points: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Else the line could not be given again."""
+    words = ["--tile", "50", "--workers", "1", "--memory", "2GB"]
+    thinned = str(points.with_name("thin.laz"))
+    given = ["run", "points.thin", "--points", str(points), "--cell", "5", "--thinned", thinned]
+    assert main([*given, *words]) == 0
+    capsys.readouterr()
+    assert main(["history"]) == 0
+    told = capsys.readouterr().out
+    assert all(
+        f"{name} {value}" in told for name, value in zip(words[::2], words[1::2], strict=True)
+    )
+
+
 def test_several_processes_lose_no_run(kept: Path) -> None:
     jobs = [subprocess.Popen([sys.executable, "-c", ADD, str(k)]) for k in range(4)]
     assert [job.wait() for job in jobs] == [0] * 4

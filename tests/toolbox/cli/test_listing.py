@@ -37,7 +37,9 @@ def test_a_search_without_an_answer_says_so(capsys: pytest.CaptureFixture[str]) 
 
 def test_lines_fit_into_the_terminal() -> None:
     tool = {"id": "a.b", "title": "T", "description": "word " * 40, "keywords": []}
-    assert max(map(len, listing.lines([tool], 80))) == 80
+    told = list(listing.lines([tool], 80))
+    assert max(map(len, told)) <= 80 < len(" ".join(told))
+    assert " ".join(" ".join(told).split()).endswith(tool["description"].strip())
     assert max(map(len, listing.lines([tool], None))) > 100
 
 

@@ -89,6 +89,18 @@ def test_help_ends_with_two_commands_that_a_terminal_holds_and_a_shell_takes(
             arguments.parser(catalog.describe(id)).parse_args(words[5:])
 
 
+def test_help_of_a_tool_begins_with_what_must_be_given(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With either way to ask for it."""
+    for asked in (["run", "corridor.clearance", "--help"], ["help", "corridor.clearance"]):
+        with pytest.raises(SystemExit):
+            main(asked)
+        text = capsys.readouterr().out
+        usage = "usage: toolbox run corridor.clearance --points ... --wires ... [options]\n"
+        assert text.startswith(usage)
+
+
 def test_list_and_describe(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     assert "surface.grid" in capsys.readouterr().out

@@ -61,6 +61,14 @@ class Relief(NamedTuple):
         """Row and column of places, and which of these lie in the picture."""
         return _cells(uv, self.side, self.states.shape)
 
+    def twice(self) -> float:
+        """Share of the squares with wall that hold wall of another depth, too."""
+        row, column, inside = self.cells(self.uv[self.own])
+        place = (row * self.states.shape[1] + column)[inside]
+        level = np.abs(self.behind[self.own][inside]) <= self.step
+        here, other = (np.unique(place[some]) for some in (level, ~level))
+        return len(np.intersect1d(here, other)) / max(len(here), 1)
+
 
 class _Plane(NamedTuple):
     """A plane of the front: depth and spread of its points, size, logarithm of their intensity."""

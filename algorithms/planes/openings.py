@@ -32,6 +32,7 @@ from toolbox.errors import DataError
 
 POINTS_ACROSS = 4  # points in a row that an opening needs to be told from a gap between points
 NOISY = 2.0  # least step that can be seen over the one that is asked for, from which on it is told
+TWICE = 0.3  # share of a wall with another before or behind it: 0.12 at most on single ones
 TALL = 1.5  # height over width, of the largest opening
 APART = STOREY  # metres between two fronts of an elevation
 UNSEEN = "unseen"  # kind of a part of a front without points of its wall
@@ -270,6 +271,7 @@ class PlanesOpenings:
             seen.append(_Seen(int(numbers[front.members[0]]), near, relief, made))
             self._warn_if_sparse(number + 1, seen[-1].spacing)
             self._warn_if_noisy(number + 1, relief.step / cloud.metre)
+            self._warn_if_two_sided(number + 1, relief.twice())
             self._warn_of_unseen(number + 1, made)
         if not any(one.made.found for one in seen):
             names = ", ".join(str(one.number) for one in seen)
@@ -322,6 +324,17 @@ class PlanesOpenings:
                 100 * area / made.wall.area,
                 number,
                 area / self.points.metre**2,
+            )
+
+    def _warn_if_two_sided(self, number: int, share: float) -> None:
+        """Say so where a wall stands before another one, which nobody sees from one side."""
+        if share > TWICE:
+            log.warning(
+                "%.0f %% of front %d has two walls, one behind the other: scanned from both sides, "
+                "or two buildings; openings through both may be missed, and depths are of either; "
+                "give the points of one side alone",
+                100 * share,
+                number,
             )
 
     def _chosen(self, ranks: NDArray[np.int32], numbers: Ints, planes: list[Plane]) -> list[Front]:

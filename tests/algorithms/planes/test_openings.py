@@ -449,3 +449,18 @@ def test_squares_around_gaps_are_joined_without_a_warning() -> None:
     joined = _squares(region, 0.1)
     assert joined.is_valid
     assert joined.area >= 0.1**2 * region.sum() - 1e-9
+
+
+@pytest.mark.parametrize("sides", [1, 2])
+def test_a_wall_scanned_from_both_sides_is_told(
+    caplog: pytest.LogCaptureFixture, sides: int
+) -> None:
+    """A wall of 8 by 4 m, 0.3 m thick, with a window; nothing is told of one side alone."""
+    rng = np.random.default_rng(3)
+    u, v = rng.random((2, 20_000 * sides)) * [[8.0], [4.0]]
+    side = np.arange(len(u)) % sides
+    wall = (u < 3) | (u > 4.2) | (v < 1) | (v > 2.5)
+    xyz = np.column_stack([u, 0.3 * side + rng.normal(0, 0.003, len(u)), v])[wall]
+    points = PointCloud(xyz, {"plane_id": (side[wall] + 1).astype(np.int32)}, crs=LOCAL)
+    PlanesOpenings(points=points).run()
+    assert ("has two walls, one behind the other" in caplog.text) == (sides == 2)

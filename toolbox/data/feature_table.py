@@ -29,8 +29,8 @@ _AXES, _WKT = ("x", "y", "z"), "wkt"
 _EXACT = 25  # decimals that are given where needed; with 18, small coordinates are not exact
 
 
-def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
-    """Write features as a table; coordinates read back exactly.
+def write(frame: geopandas.GeoDataFrame, path: Path, decimals: int | None = None) -> None:
+    """Write features as a table; coordinates read back exactly unless they have `decimals`.
 
     Raises
     ------
@@ -45,11 +45,14 @@ def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
     if points.all() and not named & {*_AXES}:
         axes = _AXES if frame.has_z.any() else _AXES[:2]
         xyz = shapely.get_coordinates(frame.geometry, include_z=True)
+        xyz = xyz if decimals is None else xyz.round(decimals)
         position = pd.DataFrame(xyz[:, : len(axes)], columns=list(axes))
     elif _WKT in named:
         raise DataError(f"{path}: the column of geometries is {_WKT}; rename the attribute")
     else:
-        texts = shapely.to_wkt(frame.geometry.to_numpy(), rounding_precision=_EXACT)
+        texts = shapely.to_wkt(
+            frame.geometry.to_numpy(), rounding_precision=_EXACT if decimals is None else decimals
+        )
         position = pd.DataFrame({_WKT: texts}, dtype=object)
     Table(pd.concat([position, attributes], axis=1)).save(path)
 

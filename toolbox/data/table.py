@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
-from toolbox.data import differences, geopackage
+from toolbox.data import differences, geopackage, rounding
 from toolbox.data.extras import PARQUET, Extra
 from toolbox.data.layer import Inside, Layer, text_array
 from toolbox.data.paths import local, named_as_given
@@ -139,10 +139,11 @@ class Table(Layer):
         *,
         layer: str | None = None,
         add: bool = False,
+        rounded: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
-        """Write .csv, .json, .parquet or .gpkg; numbers read back exactly.
+        """Write .csv, .json, .parquet or .gpkg; numbers read back exactly unless they are rounded.
 
         In .csv an apostrophe is put before texts that a spreadsheet would take for a formula.
 
@@ -151,6 +152,7 @@ class Table(Layer):
         path : ends in one of SUFFIXES
         layer : name of the table in a GeoPackage; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
+        rounded : write numbers with the digits that a survey knows, see `toolbox.data.rounding`
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
@@ -165,8 +167,9 @@ class Table(Layer):
         path = Path(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: tables are written as {', '.join(self.SUFFIXES)}")
+        table = Table(rounding.rounded(self.frame)) if rounded else self
         try:
-            table_files.write(self, path, layer, add=add)
+            table_files.write(table, path, layer, add=add)
             if side_car(path):
                 write_beside(path, record)
             elif record:

@@ -23,6 +23,7 @@ from toolbox.data import (
     ifc,
     kmz,
     mesh,
+    rounding,
     shapefile,
 )
 from toolbox.data.crs import (
@@ -244,6 +245,7 @@ class Vector(Layer):
         *,
         layer: str | None = None,
         add: bool = False,
+        rounded: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -267,6 +269,8 @@ class Vector(Layer):
             .city.json or .ifc
         layer : name of the layer in the file; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
+        rounded : write attributes with the digits that a survey knows, see `toolbox.data.rounding`,
+            and coordinates in CSV to the millimetre; geometries in other formats are kept
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
@@ -284,6 +288,8 @@ class Vector(Layer):
         if local is not None and suffix not in (geopackage.SUFFIX, ".parquet"):
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(local))
         frame = self.frame if local is None else self.with_crs(None).frame
+        if rounded:
+            frame = rounding.rounded(frame)
         if suffix in (".kml", kmz.SUFFIX):
             frame = _for_kml(frame, path)
         with errors_named(f"{path} cannot be written"):
@@ -295,29 +301,32 @@ class Vector(Layer):
             elif suffix == kmz.SUFFIX:
                 kmz.write(frame, path, layer or path.stem)
             else:
-                self._write_otherwise(path, layer or path.stem)
+                self._write_otherwise(frame, path, layer or path.stem, rounded=rounded)
             if side_car(path):
                 write_beside(path, record)
             elif record:
                 write_into_geopackage(path, record, geopackage.WRITTEN)
         ctx.progress(1.0)
 
-    def _write_otherwise(self, path: Path, layer: str) -> None:
+    def _write_otherwise(
+        self, frame: geopandas.GeoDataFrame, path: Path, layer: str, *, rounded: bool
+    ) -> None:
         """Write a file without GDAL."""
         suffix = _suffix_of(path)
         if suffix == ".parquet":
             PARQUET.need()
-            self.frame.to_parquet(path)
+            frame.to_parquet(path)
         elif suffix == cityjson.SUFFIX:
-            cityjson.write(self.frame, path)
+            cityjson.write(frame, path)
         elif suffix == ifc.SUFFIX:
-            ifc.write(self.frame, path, self.metre)
+            ifc.write(frame, path, self.metre)
         elif suffix == ".dxf":
-            dxf.write(self.frame, path, layer)
+            dxf.write(frame, path, layer)
         elif suffix == ".ply":
-            mesh.write(self.frame, path)
+            mesh.write(frame, path)
         else:
-            feature_table.write(self.frame, path)
+            decimals = rounding.of_places(self.crs) if rounded else None
+            feature_table.write(frame, path, decimals)
 
     def with_crs(self, crs: CRS | None) -> Vector:
         """The same features, stated to be in another CRS; nothing is transformed."""

@@ -253,6 +253,7 @@ OPTIONS: Mapping[str, Option] = {
     "version": Option("Version of LAS to write, 1.0 to 1.4; that of the data by default", _version),
     "format": Option("Point format of LAS to write, 0 to 10; that of the data by default", _format),
     "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
+    "rounded": Option("Write numbers with the digits that a survey knows", _boolean),
     "title": Option("Title of the report", _text),
     "client": Option("For whom the report is made", _text),
     "fields": Option("More of the head of the report, such as Contract=2026-17", _fields),

@@ -42,6 +42,7 @@ class Entry:
     ----------
     layer : its name in a GeoPackage, else ""
     size : points, features, rows or cells; None where nothing is counted
+    columns : name, unit and meaning of each column of a table or attribute of features
     left_out : why it is not there; "" if it is
     """
 
@@ -50,6 +51,7 @@ class Entry:
     help: str
     size: int | None = None
     left_out: str = ""
+    columns: Sequence[tuple[str, str, str]] = ()
 
 
 def readme(
@@ -87,6 +89,7 @@ def readme(
         f"{entry.file}: {entry.help}. {entry.left_out}" for entry in entries if entry.left_out
     ]
     lines += _section("Left out", absent)
+    lines += _columns(there)
     lines += ["", "How it was made", "---------------", *_how(spec)]
     return "\n".join(lines) + "\n"
 
@@ -123,6 +126,24 @@ def _files(entries: Sequence[Entry]) -> Iterator[str]:
             yield from textwrap.wrap(
                 text, _WIDTH, initial_indent="    ", subsequent_indent="      "
             )
+
+
+def _columns(entries: Sequence[Entry]) -> Iterator[str]:
+    """The columns of each file that has some; files with the same columns stand together."""
+    tables: dict[tuple[tuple[str, str, str], ...], list[str]] = {}
+    for entry in entries:
+        if entry.columns:
+            named = f"{entry.file}, {entry.layer}" if entry.layer else entry.file
+            tables.setdefault(tuple(entry.columns), []).append(named)
+    if tables:
+        yield from ("", "Columns", "-------")
+    for columns, files in tables.items():
+        yield from textwrap.wrap("; ".join(files), _WIDTH)
+        pairs = [
+            (f"    {name}", f"{meaning} [{unit}]" if unit else meaning)
+            for name, unit, meaning in columns
+        ]
+        yield from _pairs(pairs)
 
 
 def _suffix(file: str) -> str:

@@ -16,14 +16,17 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
+from toolbox.data import Table, Vector
 from toolbox.data.crs import is_local
 from toolbox.data.layer import Layer
+from toolbox.data.report.columns import column_of
 from toolbox.data.report.document import today
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError
 from toolbox.reports.page import Told
 from toolbox.reports.readme import Entry, readme
+from toolbox.reports.words import columns_in
 from toolbox.runs import target as targets
 from toolbox.runs.provenance import Record
 from toolbox.runs.target import More, Target
@@ -67,7 +70,8 @@ def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
 
 
 def _target(one: Delivered, folder: Path, head: Mapping[str, Any], spec: Spec) -> Target:
-    options = {**(head if one.output == PAGE else {}), **one.options}
+    usual = {"rounded": True} if "rounded" in targets.kind_of(one.output, spec).save_options else {}
+    options = {**(head if one.output == PAGE else {}), **usual, **one.options}
     made = Target.of(one.output, {"path": folder / one.file, **options}, spec)
     return replace(made, delivered=True)
 
@@ -157,7 +161,7 @@ def write(
 
     def write_more(staged: Mapping[Path, Path]) -> None:
         more.write(staged)
-        entries = [_entry(one, found, left_out, made) for one in spec.deliver]
+        entries = [_entry(one, spec, found, left_out, made) for one in spec.deliver]
         head = {"date": today(), **notes.how}
         text = readme(spec, found, record, told or Told(), entries, head)
         staged[readme_path].write_text(text, encoding="utf-8", newline="\n")
@@ -188,9 +192,30 @@ def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
 
 
 def _entry(
-    one: Delivered, found: Mapping[str, Any], left_out: Mapping[str, str], made: set[str]
+    one: Delivered,
+    spec: Spec,
+    found: Mapping[str, Any],
+    left_out: Mapping[str, str],
+    made: set[str],
 ) -> Entry:
     layer = found.get(one.output)
     size = layer.size() if isinstance(layer, Layer) else None
     reason = left_out.get(f"{DELIVER} {one.key}", "" if one.file in made else "not made in tiles")
-    return Entry(one.file, str(one.options.get("layer", "")), one.help, size, reason)
+    columns = _columns(spec, one.output, layer) if isinstance(layer, Table | Vector) else ()
+    return Entry(one.file, str(one.options.get("layer", "")), one.help, size, reason, columns)
+
+
+def _columns(spec: Spec, output: str, layer: Table | Vector) -> tuple[tuple[str, str, str], ...]:
+    """Name, unit and meaning of the columns of a file, as it holds them.
+
+    Shares that reports show in percent are shares of 1 there.
+    """
+    declared = columns_in(spec.results[output].columns, layer)
+    told = []
+    for name, values in layer.frame.items():
+        if isinstance(layer, Vector) and name == layer.frame.geometry.name:
+            continue
+        how = column_of(str(name), values, {n: c for n, c in declared.items() if c.heading})
+        unit = how.unit if how.factor == 1 else "1; % in the report" if how.unit == "%" else ""
+        told.append((str(name), unit, how.heading))
+    return tuple(told)

@@ -10,8 +10,7 @@ from pathlib import Path
 import openpyxl
 import pytest
 
-from toolbox.data import Report, Rows, Section, Table
-from toolbox.data.report import measures
+from toolbox.data import Report, Rows, Section, Table, measures
 
 ROWS = [
     {"measure": "count", "value": 159996.0, "low": None, "high": None, "unit": "1"},

@@ -17,7 +17,7 @@ from toolbox import catalog
 from toolbox.cli.main import main
 from toolbox.cli.replay import replay
 from toolbox.context import Context
-from toolbox.data import PointCloud, Raster
+from toolbox.data import PointCloud, Raster, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import Model, run_tool
@@ -97,6 +97,7 @@ def test_the_set_is_written_and_named_in_words(model: str, points: Path, tmp_pat
     ):
         assert words in text
     assert "Hill of Delft" in (tmp_path / "out" / "report.html").read_text()
+    assert "\nlines.gpkg, contours\n    elevation  Elevation\n" in text
 
 
 def test_options_of_a_file_are_those_of_its_format(
@@ -266,6 +267,8 @@ def test_the_same_bytes_again_and_by_replay(
     for file in FILES:
         one, other = ((tmp_path / folder / file).read_bytes() for folder in ("a", "b"))
         assert one == other, file
+    lines = Vector.open(tmp_path / "a" / "lines.gpkg").frame
+    assert (lines["elevation"] == lines["elevation"].round(3)).all()
     for file in ("top.tif", "lines.gpkg"):
         assert replay(tmp_path / "a" / file, inputs=tmp_path) == []
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+from toolbox.data.measures import VALUE, row_digits, unit_column
 from toolbox.data.report.columns import Column, column_of, unit_text
-from toolbox.data.report.measures import VALUE, row_digits, unit_column
 from toolbox.data.table import Table, is_number
 
 if TYPE_CHECKING:

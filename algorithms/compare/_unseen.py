@@ -1,11 +1,16 @@
-"""What a comparison did not look at: the reference without a counterpart, and small numbers."""
+"""What a comparison cannot tell: the reference without a counterpart or class, small numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
+import shapely
+
+from algorithms.compare._shapes import Shapes
 from algorithms.shared.accuracy.blocks import FEWEST, LEAST
+from algorithms.shared.accuracy.confusion import Confusion
 from toolbox.context import log
 
 # Share of the reference without a counterpart that is told in a warning: figures are read to the
@@ -14,6 +19,9 @@ TELL = 0.01
 # Points compared, below which a warning tells what may still be wrong: of 100 points without an
 # error, 3 % may be wrong in truth (rule of three).
 FEW = 100
+# Share of the points, or of the area, that cannot be right or found because one side has no such
+# class, or ends before: from there on it decides what the figures are, and not the method.
+UNKNOWN = 0.05
 
 
 def warn_absent(absent: int, total: int, what: str) -> None:
@@ -32,6 +40,56 @@ def warn_absent(absent: int, total: int, what: str) -> None:
             total,
             what,
             100 * absent / total,
+        )
+
+
+def warn_not_known(confusion: Confusion) -> None:
+    """Warn of classes that many points have and none of the reference, so that none can be right.
+
+    Parameters
+    ----------
+    confusion : of the points that are compared
+    """
+    total = int(confusion.counts.sum())
+    for k, name in enumerate(confusion.labels):
+        said = int(confusion.counts[:, k].sum())
+        if confusion.counts[k].any() or said <= UNKNOWN * total:
+            continue
+        most = confusion.labels[int(confusion.counts[:, k].argmax())]
+        log.warning(
+            "%d of %d points (%.0f %%) are of class %s, which the reference does not have: none of "
+            "them can be right; there most are of class %s: make classes one with map, or leave "
+            "some out",
+            said,
+            total,
+            100 * said / total,
+            name,
+            most,
+        )
+
+
+def warn_outside(shapes: Shapes, other: Shapes, whose: str, of: str) -> None:
+    """Warn if much of a layer lies outside of the rectangle around the other one.
+
+    Parameters
+    ----------
+    shapes, other : arrays of polygons
+    whose, of : names of the parameters that these are
+    """
+    area = shapely.area(shapes)
+    if not area.sum() or not shapely.area(other).sum():
+        return
+    away = ~shapely.intersects(shapes, shapely.box(*shapely.total_bounds(other)))
+    if area[away].sum() > UNKNOWN * area.sum():
+        log.warning(
+            "%s: %d of %d polygons (%.0f %% of their area) lie outside of the rectangle around all "
+            "of %s, and count as errors; if one layer extends farther than the other, give "
+            "coverage or extent, where both are complete",
+            whose,
+            np.count_nonzero(away),
+            len(shapes),
+            100 * area[away].sum() / area.sum(),
+            of,
         )
 
 

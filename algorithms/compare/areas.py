@@ -41,6 +41,7 @@ from algorithms.compare._shapes import (
     layer_problem,
     mended,
 )
+from algorithms.compare._unseen import warn_outside
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
 from toolbox.declare import Extent, outputs, param, show, sink, source, tool
@@ -207,6 +208,9 @@ class CompareAreas:
         sums = Sums.of(own, other, overlay)
         if sums.area and sums.reference and not sums.overlap:
             log.warning("no polygon overlaps the reference; do they lie at the same place?")
+        elif region is None:
+            warn_outside(other.shapes, own.shapes, "reference", "areas")
+            warn_outside(own.shapes, other.shapes, "areas", "reference")
         names, known = self._labels(self.areas), self._labels(self.reference)
         each = [
             polygon_frame("areas", own, covered[0], objects.own, names, unit),

@@ -30,7 +30,14 @@ from algorithms.compare._outcomes import (
     TYPE_2,
 )
 from algorithms.compare._paired import paired_rows
-from algorithms.compare._unseen import no_limits, not_compared, warn_absent, warn_blocks, warn_few
+from algorithms.compare._unseen import (
+    no_limits,
+    not_compared,
+    warn_absent,
+    warn_blocks,
+    warn_few,
+    warn_not_known,
+)
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import blocks
 from algorithms.shared.ground import without_withheld
@@ -258,6 +265,7 @@ class CompareClasses:
         legend = self._legend(said[counted], true[counted])
         by_block = legend.tally(said[counted], true[counted], number, number.max() + 1)
         confusion = legend.confusion(by_block)
+        warn_not_known(confusion)
         summary = confusion.measures()
         ctx.progress(0.8)
         filtered = _by_block(is_said[counted], is_true[counted], number)

@@ -107,6 +107,25 @@ def test_two_squares_by_hand() -> None:
     assert kinds.geometry[2].equals(box(0, 0, 4, 10))
 
 
+def test_a_reference_that_goes_farther_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Nothing is said where a coverage tells it, or of little."""
+    near, far = box(0, 0, 10, 10), box(100, 0, 110, 10)
+    compare(near, box(1, 0, 11, 10))
+    wide = box(0, 0, 60, 60)
+    compare(wide, [wide, far])
+    assert "outside" not in caplog.text
+    out = compare(near, [near, far])
+    assert measures(out)["completeness"] == 50
+    told = "1 of 2 polygons (50 % of their area) lie outside of the rectangle around all of"
+    assert f"reference: {told} areas" in caplog.text
+    caplog.clear()
+    compare([near, far], near)
+    assert f"areas: {told} reference" in caplog.text
+    caplog.clear()
+    compare(near, [near, far], coverage=layer(box(0, 0, 20, 20)))
+    assert "outside" not in caplog.text
+
+
 def test_circles_by_their_lens() -> None:
     """Radius 50 m, centres 30 m apart; the area of the lens in closed form."""
     disc = [shapely.Point(EAST + x, NORTH).buffer(50, quad_segs=2000) for x in (0, 30)]

@@ -120,6 +120,21 @@ def test_a_kappa_whose_formula_has_no_spread_has_no_limits() -> None:
     assert Counts(5, 0, 0, 0).kappa_interval == (None, None)
 
 
+def test_a_class_that_the_reference_does_not_have_is_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """As vegetation, where the reference has all but ground and buildings in class 1."""
+    CompareClasses(points=from_counts({(2, 2): 100, (1, 5): 4}), positive=ClassList([2])).run()
+    assert "does not have" not in caplog.text
+    points = from_counts({(2, 2): 100, (1, 5): 30, (2, 5): 5})
+    CompareClasses(points=points, positive=ClassList([2])).run()
+    assert "35 of 135 points (26 %) are of class 5" in caplog.text
+    assert "there most are of class 1" in caplog.text
+    caplog.clear()
+    CompareClasses(points=points, positive=ClassList([2]), map=("1,5=other",)).run()
+    assert "does not have" not in caplog.text
+
+
 def test_table_with_limits() -> None:
     out = CompareClasses(
         points=from_counts(SOM_STUDY), reference_attribute=Attribute("truth")

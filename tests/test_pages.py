@@ -43,6 +43,13 @@ def test_commands_of_a_page_name_tools_and_their_options(page: Path) -> None:
             assert {name.partition(".")[0] for name in values} <= known, words
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_commands_stand_in_blocks_that_are_run(page: Path) -> None:
+    """A command with a file, in the middle of a sentence, would be run by nobody."""
+    text = BLOCK.sub("", page.read_text("utf-8"))
+    assert re.findall(r"`python\s+-m\s+toolbox\s+run\s+\S+\s[^`]*`", text) == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
 def test_commands_of_a_page_run(
@@ -57,7 +64,9 @@ def test_commands_of_a_page_run(
             (tmp_path / words[2] / words[1]).write_bytes(Path(words[1]).read_bytes())
         else:
             assert words[:3] == ["python", "-m", "toolbox"]
-            assert main(words[3:]) == 0, (words, capsys.readouterr().err)
+            code, said = main(words[3:]), capsys.readouterr().err
+            assert code == 0, (words, said)
+            assert "there is nothing to write" not in said, words
 
 
 EXAMPLES = [(id, run) for id, runs in reference.examples().items() for run in runs]

@@ -31,6 +31,7 @@ from algorithms.corridor._clearance.crossings import (
     with_lines,
 )
 from algorithms.corridor._clearance.distances import Least, Violations, find_violations
+from algorithms.corridor._clearance.hanging import HANGING, hanging_objects, parted_from_hanging
 from algorithms.corridor._clearance.layers import object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.missed import (
@@ -76,11 +77,13 @@ from algorithms.corridor._clearance.surroundings import (
     LineStates,
     Object,
     Surroundings,
+    at_towers,
     line_of,
     surroundings_of,
 )
 from algorithms.corridor._clearance.weather import place_of, sun_on, time_of
 from algorithms.corridor._curves.catenary_kernels import MOST_CURVATURE
+from algorithms.corridor._extraction.labels import LINE_CLASSES
 from algorithms.corridor._extraction.layers import COVARIANCES, missing_columns
 from algorithms.shared import parameters
 from algorithms.shared.heights import HEIGHT
@@ -110,7 +113,7 @@ BOUNDED_COLUMNS = {
     "swing": (-90.0, 90.0),
 }
 VARIANCE_COLUMNS = tuple(name for name, (i, j) in COVARIANCES.items() if i == j)
-COLOURS = "#b2182b", "#ef8a62", "#d01c8b", "#fddc7a"
+COLOURS = "#b2182b", "#ef8a62", "#d01c8b", "#fddc7a", "#606060"
 LOOKS = {word: (word, colour) for word, colour in zip(SEVERITIES, COLOURS, strict=True)}
 
 
@@ -156,6 +159,10 @@ class CorridorClearance:
     is given, or computed from `survey_current` and the weather there. Each object and span also has
     an interval in which its clearance lies while the wires have any temperature from
     `lowest_temperature` to `highest_temperature`; it is wide if that of the survey is not known.
+
+    What has the class of plants, or none, and hangs in mid-air on a wire, a tower or by itself, may
+    be a part of the line that was not recognised, if it has `free_air` around and below it. It is
+    listed apart as "not sure", and counted in `unsure_count` alone.
 
     Plants lower than `min_object_height`, and what may be plants, are no objects; their number is
     told. Points of objects at 0 to 20 m and at 20 to 30 m from the wires are counted.
@@ -221,6 +228,14 @@ class CorridorClearance:
     )
     min_points: int = param(
         "Fewest points of an object", default=3, unit="1", ge=1, le=10_000, label="Fewest points"
+    )
+    free_air: float = param(
+        "Empty air around and below plants that rather are of the line; 0: all are plants",
+        default=3.0,
+        unit="m",
+        ge=0.0,
+        le=20.0,
+        label="Air below what may be of the line",
     )
     growth: float | None = param(
         "How much trees may grow until the next visit; what is too close then is watched",
@@ -383,6 +398,10 @@ class CorridorClearance:
         object_count: int = sink("Objects too close to a wire, or that may fall on it", unit="1")
         critical_count: int = sink("Objects of severity critical", unit="1")
         no_rule_count: int = sink("Objects near a wire for which there is no rule", unit="1")
+        unsure_count: int = sink(
+            "Wires near which points hang in mid-air that may be of the line; not in object_count",
+            unit="1",
+        )
         crossing_count: int = sink(
             "Pairs of spans of different lines that are too close or near without a rule", unit="1"
         )
@@ -469,8 +488,12 @@ class CorridorClearance:
         objects = metric._objects(surroundings, found, rules)
         if self.falling:
             rules = [*rules, FALLING]
-            falls = metric._falls(surroundings, line, rules, ctx.part(0.8, 0.9))
+            falls = metric._falls(surroundings, line, rules, ctx.part(0.8, 0.89))
             objects, found = with_falls(surroundings, objects, found, falls, rules)
+        hanging, free = metric._hanging(surroundings, line, rules, ctx.part(0.89, 0.9))
+        rules = [*rules, HANGING] if hanging else rules
+        objects = [*objects, *hanging]
+        found = found.joined(free)
         coverage = coverage_of(surroundings, rules, found, least, objects, crossings, zones)
         for sentence in coverage.near:
             log.warning("near a wire: %s", sentence)
@@ -512,9 +535,10 @@ class CorridorClearance:
             crossings=lines,
             spans=spans,
             report=page,
-            object_count=len(objects) - severities.count(NO_RULE),
+            object_count=len(objects) - severities.count(NO_RULE) - len(hanging),
             critical_count=severities.count(SEVERITIES[0]),
             no_rule_count=severities.count(NO_RULE),
+            unsure_count=len(hanging),
             crossing_count=sum(one.rule >= 0 for one in crossings),
             low_object_count=low,
             points_0_20=in_zones[0],
@@ -612,6 +636,7 @@ class CorridorClearance:
             "attachment",
             "min_object_height",
             "object_gap",
+            "free_air",
             "growth",
             "ruling_span",
             "point_sd",
@@ -774,7 +799,7 @@ class CorridorClearance:
         self, cloud: PointCloud, line: LineStates, rules: list[Rule], ctx: Context
     ) -> Surroundings:
         """The points around the line; lengths of this tool are in metres."""
-        return surroundings_of(
+        around = surroundings_of(
             cloud,
             line,
             classes=self._classes,
@@ -784,8 +809,41 @@ class CorridorClearance:
             attachment=self.attachment,
             lowest=self.min_object_height,
             towers=self.towers,
+            ctx=ctx.part(0.0, 0.9),
+        )
+        return parted_from_hanging(
+            around,
+            line,
+            at_towers(around.xyz, self.towers, line.origin),
+            np.isin(cloud["classification"][around.index], LINE_CLASSES),
+            **self._grouped,
+            attachment=self.attachment,
+            free_air=self.free_air,
+            ctx=ctx.part(0.9, 1.0),
+        )
+
+    def _hanging(
+        self, surroundings: Surroundings, line: LineStates, rules: list[Rule], ctx: Context
+    ) -> tuple[list[Object], Violations]:
+        """What hangs in mid-air near a wire, and its points; it is told."""
+        objects, found = hanging_objects(
+            surroundings,
+            line,
+            rules,
+            reach=_measured(rules),
+            point_sd=self.point_sd,
             ctx=ctx,
         )
+        if objects:
+            log.warning(
+                "%d points hang in mid-air on a wire, a tower or by themselves: not sure whether "
+                "they are plants or parts of the line",
+                len(found),
+            )
+        count = int((surroundings.hanging >= 0).sum()) - len(found)
+        if count:
+            surroundings.left_out["hang in mid-air, may be of the line, and are not near"] = count
+        return objects, found
 
     def _reach(self, rules: list[Rule]) -> float:
         """Horizontal distance from the wires up to which points are used, metres."""

@@ -23,6 +23,7 @@ from algorithms.corridor._clearance.rules import (
     OBJECTS,
     SURFACES,
     UNIT_METRES,
+    UNSURE,
     Rule,
 )
 from algorithms.corridor._clearance.surroundings import Object, Surroundings
@@ -148,7 +149,8 @@ def _way(rule: Rule) -> str:
 
 def rules_for(kind: str, rules: Sequence[Rule]) -> str:
     """What a kind is held to, and what it has no rule for, in words."""
-    held = [rule for rule in rules if rule.holds_for(kind) and rule.id != FALLING.id]
+    own = [rule for rule in rules if rule.severity != UNSURE and rule.id != FALLING.id]
+    held = [rule for rule in own if rule.holds_for(kind)]
     missing = [rule for rule in held if rule.severity == NO_RULE]
     told = ", ".join(rule.id for rule in held if rule.severity != NO_RULE)
     if told and kind == "unclassified":

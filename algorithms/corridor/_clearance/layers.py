@@ -17,7 +17,7 @@ from algorithms.corridor._clearance.distances import Least, Violations, distance
 from algorithms.corridor._clearance.missed import SPAN_COLUMNS as MISSED_COLUMNS
 from algorithms.corridor._clearance.missed import WireLike
 from algorithms.corridor._clearance.rest import Band, interval_of
-from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, Rule
+from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, UNSURE, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from toolbox.data import PointCloud, Table, Vector
 
@@ -77,7 +77,7 @@ VIOLATION_DESCRIPTIONS = {
     "distance": "in space from the wire, m",
     "vertical": "below the wire, m",
     "horizontal": "beside the wire, m",
-    "severity": "1 crit 2 warn 3 no rule 4 watch",
+    "severity": "1 crit 2 warn 3 none 4 watch 5 ?",
     "rule": "its place in the report",
     "state": "0 survey, others see report",
     "wire_id": "conductor",
@@ -102,7 +102,7 @@ def object_layer(
     rows: list[dict[str, Any]] = []
     for number, one in enumerate(objects, start=1):
         rule = rules[one.rule]
-        ruled = rule.severity != NO_RULE
+        ruled = rule.severity not in (NO_RULE, UNSURE)
         low, high = interval_of(one, rule, surroundings, line)
         rows.append(
             {
@@ -151,7 +151,8 @@ def violation_cloud(
     for k, one in enumerate(objects, start=1):
         number[one.points] = k
     severity = np.array([SEVERITIES.index(rule.severity) + 1 for rule in rules], np.uint8)
-    ruled = np.array([rule.severity != NO_RULE for rule in rules], bool)[found.rule[order]]
+    unruled = (NO_RULE, UNSURE)
+    ruled = np.array([r.severity not in unruled for r in rules], bool)[found.rule[order]]
     probability = np.where(ruled, found.probability[order], np.nan)
     wire = found.wire[order]
     return cloud.select(surroundings.index[found.point[order]]).with_attributes(

@@ -64,7 +64,8 @@ class WireLike:
 
 def wire_like(surroundings: Surroundings, line: LineStates, ctx: Context = QUIET) -> WireLike:
     """Find curves among the points beside the line that look like wires."""
-    kind, height = surroundings.kind, surroundings.height
+    height = surroundings.height
+    kind = np.maximum(surroundings.kind, surroundings.hanging)
     on_it = np.zeros(len(kind), bool)
     near = np.flatnonzero((kind >= 0) & (kind < len(OBJECTS)))
     if len(near):

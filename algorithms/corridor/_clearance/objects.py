@@ -75,6 +75,17 @@ def objects_of(
     return objects, sum(len(own) for _, own in made if len(own) < fewest)
 
 
+def objects_by(
+    surroundings: Surroundings, found: Violations, group: Ints, rules: Sequence[Rule]
+) -> list[Object]:
+    """An object of each group of violations, the most urgent first; `group` has the shape (n,)."""
+    group = np.unique(group, return_inverse=True)[1].reshape(-1)
+    rank = np.array([SEVERITIES.index(rule.severity) for rule in rules])[found.rule]
+    members = _members(group)
+    worst = _worst(surroundings.xyz[found.point], group, rank, found.ratio)
+    return [_object(surroundings, found, int(one), members[group[one]]) for one in worst]
+
+
 def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
     """Index of the worst point of each group, sorted by urgency, independent of the point order."""
     worst = np.arange(len(group))

@@ -16,7 +16,7 @@ from algorithms.corridor._clearance.coverage import Coverage
 from algorithms.corridor._clearance.drawing import Drawing
 from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rest import AtRest
-from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, Rule
+from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, UNSURE, Rule
 from algorithms.corridor._clearance.sag import Conductor, State
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from algorithms.corridor._curves.catenary import Catenary
@@ -46,6 +46,7 @@ SEVERITY_COLOURS = {
     "warning": "#f08000",
     NO_RULE: "#d01c8b",
     "watch": "#d8c000",
+    UNSURE: "#606060",
 }
 LISTED = (
     "object_id",
@@ -178,7 +179,7 @@ def _summary(
     if not line.spans:
         return "There are no wires, so nothing is too close to one."
     counts = {word: sum(rules[o.rule].severity == word for o in objects) for word in SEVERITIES}
-    unruled = counts.pop(NO_RULE)
+    unruled, unsure = counts.pop(NO_RULE), counts.pop(UNSURE)
     found = ", ".join(f"{count} {word}" for word, count in counts.items())
     text = f"Spans: {len(line.spans)}. Objects too close, or to be watched: {found}."
     falling = sum(rules[one.rule].id == FALLING.id for one in objects)
@@ -187,6 +188,11 @@ def _summary(
             f" Of these to be watched, trees that reach a wire if they fall towards it: {falling}."
         )
     text += f" Objects that are near and have no rule: {unruled}." if unruled else ""
+    if unsure:
+        text += (
+            f" Not sure: points near {unsure} wires hang in mid-air, on the wire, a tower or by "
+            "themselves. They may be of the line, and do not count as too close: look at them."
+        )
     text += _without_rule(coverage)
     near, farther = (_as_surveyed(spans)[name].sum() for name in ZONE_COLUMNS)
     text += f"\nPoints of objects at 0-20 m from the wires: {near}; at 20-30 m: {farther}."
@@ -316,7 +322,7 @@ def _rule_table(rules: Sequence[Rule]) -> Table:
 
 def _confirmed(rule: Rule) -> str | None:
     """Whether the value of a rule was found in a document; of no rule there is none to find."""
-    if rule.severity == NO_RULE:
+    if rule.severity in (NO_RULE, UNSURE):
         return None
     return "yes" if rule.confirmed else "NO"
 

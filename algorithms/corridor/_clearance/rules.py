@@ -50,7 +50,8 @@ KINDS = ("tree", "building", "other", "unclassified", "ground", "water", "rail",
 OBJECTS, SURFACES, LINE = KINDS[:4], KINDS[4:8], KINDS[8]
 DIRECTIONS = ("3-D", "vertical", "horizontal")
 NO_RULE = "no rule"  # of what is near and has none
-SEVERITIES = ("critical", "warning", NO_RULE, "watch")  # the most urgent first
+UNSURE = "not sure"  # of what may be a part of the line
+SEVERITIES = ("critical", "warning", NO_RULE, "watch", UNSURE)  # the most urgent first
 LARGEST_THRESHOLD = 200.0  # metres that a rule may ask for
 NEXT_VOLTAGE = 0.001  # kV from the end of one row to the start of the next without a gap
 
@@ -203,7 +204,7 @@ def _problems(row: Mapping[Any, Any]) -> list[str]:
     choices = {
         "unit": tuple(UNIT_METRES),
         "direction": DIRECTIONS,
-        "severity": tuple(word for word in SEVERITIES if word != NO_RULE),
+        "severity": tuple(word for word in SEVERITIES if word not in (NO_RULE, UNSURE)),
         "kind": (*KINDS, "any"),
     }
     for name, words in choices.items():
@@ -280,7 +281,7 @@ def grown(rules: Sequence[Rule], growth: float) -> list[Rule]:
             id=f"{rule.id}+{growth:g}m",
             kind="tree",
             threshold=rule.threshold + growth,
-            severity=SEVERITIES[-1],
+            severity="watch",
             note=f"After {growth:g} m of growth",
         )
         for rule in rules

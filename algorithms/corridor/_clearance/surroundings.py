@@ -92,7 +92,8 @@ class Surroundings:
     xyz : array of shape (n, 3)
     kind : array of shape (n,), index into KINDS, -1 for points that take no part
     height : array of shape (n,), above the ground
-    low : array of shape (n,), index into KINDS of plants too low to be objects, -1 for all others
+    low, hanging : arrays of shape (n,), index into KINDS of plants too low to be objects, and of
+        what hangs in mid-air and may be of the line; -1 for all others
     left_out : how many points take no part, and why
     """
 
@@ -101,6 +102,7 @@ class Surroundings:
     kind: NDArray[np.int8]
     height: Floats
     low: NDArray[np.int8]
+    hanging: NDArray[np.int8]
     left_out: dict[str, int]
 
 
@@ -170,7 +172,9 @@ def surroundings_of(
     require_finite(cloud.xyz)
     if not line.spans:
         none = np.empty(0, np.int8)
-        return Surroundings(np.empty(0, np.int64), np.empty((0, 3)), none, np.empty(0), none, {})
+        return Surroundings(
+            np.empty(0, np.int64), np.empty((0, 3)), none, np.empty(0), none, none, {}
+        )
     index = near_wires(cloud, line, reach)
     kind, left_out = kinds_of(cloud, classes, ignore)
     kind = kind[index]
@@ -181,15 +185,16 @@ def surroundings_of(
     mine = own_points(
         xyz, kind, line.curves[0], radius=wire_radius, attachment=attachment, ctx=ctx.part(0.5, 1.0)
     )
-    if towers is not None and len(towers) and attachment > 0:
-        mine |= _at_towers(xyz, kind, towers, line.origin)
+    if attachment > 0:
+        mine |= (kind == UNCLASSIFIED) & at_towers(xyz, towers, line.origin)
     kind[mine] = TAKES_NO_PART
     left_out["without a class, on a wire or at a support"] = int(mine.sum())
     low = np.where(np.isin(kind, PLANTS) & (height < lowest), kind, TAKES_NO_PART)
     kind[low >= 0] = TAKES_NO_PART
     if lowest:
         left_out[f"of plants, or of what may be, lower than {lowest:g} m"] = int((low >= 0).sum())
-    return Surroundings(index, xyz, kind, height, low, left_out)
+    hanging = np.full_like(kind, TAKES_NO_PART)
+    return Surroundings(index, xyz, kind, height, low, hanging, left_out)
 
 
 def near_wires(cloud: PointCloud, line: LineStates, reach: float) -> Ints:
@@ -238,15 +243,12 @@ def _heights(cloud: PointCloud, index: Ints, ground: NDArray[np.bool_], ctx: Con
     return height_above(places, find_terrain(bare, known=True, metre=cloud.metre, ctx=ctx))
 
 
-def _at_towers(
-    xyz: Floats, kind: NDArray[np.int8], towers: Vector, origin: Floats
-) -> NDArray[np.bool_]:
-    """True for points without a class at the body of a tower."""
+def at_towers(xyz: Floats, towers: Vector | None, origin: Floats) -> NDArray[np.bool_]:
+    """True for points at the body of a tower, in plan."""
+    if towers is None or not len(towers):
+        return np.zeros(len(xyz), bool)
     feet = (shapely.get_coordinates(towers.frame.geometry.to_numpy()) - origin[:2]) / towers.metre
     radius = towers.frame["width"].to_numpy(float) / 2 + BESIDE_TOWER
     radius = np.append(np.nan_to_num(radius, nan=BESIDE_TOWER), 0.0)  # the last for none near
-    mine = np.zeros(len(xyz), bool)
-    some = np.flatnonzero(kind == UNCLASSIFIED)
-    away, nearest = cKDTree(feet).query(xyz[some, :2], distance_upper_bound=2 * radius.max())
-    mine[some] = away <= radius[nearest]
-    return mine
+    away, nearest = cKDTree(feet).query(xyz[:, :2], distance_upper_bound=2 * radius.max())
+    return np.asarray(away <= radius[nearest])

@@ -140,6 +140,66 @@ def test_what_is_as_near_to_a_wire_as_a_subconductor_may_be_one(away: float, tol
     assert found["objects"].frame.may_be_wire.tolist() == [told]
 
 
+def hung(*parts: Any) -> PointCloud:
+    """Points of the class of trees with their heights above flat ground."""
+    xyz = np.vstack(parts)
+    return cloud(xyz, 5, HeightAboveGround=xyz[:, 2].astype(np.float32))
+
+
+def bits(x: float, down: float, count: int = 4) -> Any:
+    """A few points in a row along LEVEL, below it."""
+    return LEVEL.points(x + np.linspace(0.0, 1.0, count)) - np.array([0.0, 0.0, down])
+
+
+def test_what_hangs_in_mid_air_on_a_wire_or_tower_is_not_sure_to_be_a_tree(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Bits of the wire, the tip of an arm, and two points by themselves."""
+    tip = LEVEL.points(np.array([2.0, 2.5, 3.0])) + np.array([0.0, 3.5, 1.0])
+    points = hung(bits(60.0, 0.6), bits(150.0, 1.5), bits(220.0, 4.0, 2), tip)
+    found = run(points, distance=5.0)
+    frame = found["objects"].frame
+    assert frame[["severity", "kind", "rule"]].to_numpy().tolist() == [
+        ["not sure", "not sure", "may be wire"]
+    ]
+    assert frame.points.tolist() == [len(points)]
+    assert frame.clearance.tolist() == pytest.approx([0.6], abs=0.01)
+    assert frame[["required", "probability"]].isna().all(axis=None)
+    assert (found["object_count"], found["critical_count"], found["unsure_count"]) == (0, 0, 1)
+    assert set(found["violations"]["severity"]) == {5}
+    assert found["spans"].frame["tree"].isna().all()
+    assert f"{len(points)} points hang in mid-air" in caplog.text
+    assert "Not sure: points near 1 wires hang in mid-air" in found["report"].summary
+
+
+@pytest.mark.parametrize("low", [0.0, 12.0])
+def test_a_tree_that_reaches_a_wire_is_one_however_thin_its_tip_is(low: float) -> None:
+    """Also if its lower part is too low to be an object, and its tip is two points."""
+    x, top = 150.0, float(LEVEL.height(np.array(150.0)))
+    crown = leaves(x, 0.0, top - 6.0, (6.0, 6.0, 7.0), 4000)
+    tip = np.array([[x, 0.0, top - 0.3], [x + 0.5, 0.0, top - 0.4]])
+    points = hung(crown, tip)
+    found = run(points, distance=1.0, falling=False, min_points=1, min_object_height=low)
+    assert found["unsure_count"] == 0
+    assert found["critical_count"] == 1
+    high = hung(crown + np.array([0.0, 0.0, -6.0]), tip)  # far above the tree
+    assert run(high, distance=1.0, falling=False)["unsure_count"] == 1
+
+
+def test_a_crown_without_a_trunk_beside_a_wire_is_a_tree() -> None:
+    top = float(LEVEL.height(np.array(150.0)))
+    crown = leaves(150.0, 3.0, top, (5.0, 5.0, 4.0), 500)
+    found = run(hung(crown), distance=5.0, falling=False)
+    assert (found["critical_count"], found["unsure_count"]) == (1, 0)
+
+
+def test_what_hangs_far_from_all_rules_is_told() -> None:
+    found = run(hung(bits(150.0, 9.0, 2)), distance=2.0)
+    assert found["unsure_count"] == 0
+    unseen = found["report"].head.unseen
+    assert "2 points hang in mid-air, may be of the line, and are not near." in unseen
+
+
 def test_trees_alone_are_no_wires(caplog: pytest.LogCaptureFixture) -> None:
     xyz = np.vstack([leaves(80, 0, 15, (6, 6, 8)), leaves(200, 4, 12, (90, 2, 2), 9000)])
     points = cloud(xyz, 5, HeightAboveGround=xyz[:, 2].astype(np.float32))

@@ -37,6 +37,7 @@ from toolbox.errors import DataError, ParameterError
 Floats = NDArray[np.float64]
 ORIGIN = np.array([500_000.0, 4_600_000.0, 0.0])
 DRAKE = conductor_of("Drake")
+PLANTS_ALONE = {"falling": False, "free_air": 0.0}  # scattered points hang in mid-air
 HOT = {"conductor": "Drake", "survey_temperature": 15.0, "temperature": 80.0}
 CENTIMETRE = 0.01
 STEP = 0.02  # metres between the places that are searched
@@ -158,7 +159,7 @@ def test_points_and_spans_in_all_states(hill: Hill) -> None:
     points, curves = scattered(hill), line_on(hill)
     found = toolbox.run(
         "corridor.clearance",
-        {"points": points, "wires": wires_of(curves, TOWERS), "distance": 9.0, "falling": False,
+        {"points": points, "wires": wires_of(curves, TOWERS), "distance": 9.0, **PLANTS_ALONE,
          "wind": 25.0, "min_points": 1, **HOT},
     )  # fmt: skip
     xyz, code = points.xyz - ORIGIN, points["classification"]
@@ -194,7 +195,7 @@ def test_points_and_spans_in_all_states(hill: Hill) -> None:
 def test_points_of_the_study_are_counted_per_span_and_in_all(hill: Hill) -> None:
     points, curves = scattered(hill), line_on(hill)
     wires = wires_of(curves, TOWERS)
-    values: dict[str, Any] = {"points": points, "wires": wires, "falling": False}
+    values: dict[str, Any] = {"points": points, "wires": wires, **PLANTS_ALONE}
     found = toolbox.run("corridor.clearance", {**values, "distance": 1.0})
     objects = points["classification"] != GROUND
     space = np.array([searched((points.xyz - ORIGIN)[objects], curve)[0] for curve in curves])
@@ -277,7 +278,7 @@ def crossing_line(hill: Hill, above: float) -> Catenary:
 def test_crossing_lines_are_measured_from_each_other(hill: Hill, above: float) -> None:
     curves = [*line_on(hill), crossing_line(hill, above)]
     layer = wires_of(curves, [*TOWERS, (4, 5)])
-    values = {"points": scattered(hill, 50), "wires": layer, "falling": False, **HOT}
+    values = {"points": scattered(hill, 50), "wires": layer, **PLANTS_ALONE, **HOT}
     found = toolbox.run("corridor.clearance", {**values, "distance": 0.1})
     warm = [[curve, hot(curve, State("80 C", 80.0))] for curve in curves]
     gaps = {
@@ -317,7 +318,7 @@ def test_wires_of_one_line_and_those_that_hang_on_do_not_cross() -> None:
     for towers in (TOWERS, [(1, 0), (0, 3)]):
         found = toolbox.run(
             "corridor.clearance",
-            {"points": scattered(hill, 50), "wires": wires_of(curves, towers), "falling": False},
+            {"points": scattered(hill, 50), "wires": wires_of(curves, towers), **PLANTS_ALONE},
         )
         assert len(found["crossings"]) == 0
         assert found["spans"].frame.line.isna().all()
@@ -345,7 +346,7 @@ def test_rules_for_lines_hold_for_lines_alone(
     table = Table(pd.DataFrame([row, tree]))
     found = toolbox.run(
         "corridor.clearance",
-        {"points": scattered(hill, 50), "wires": layer, "falling": False, "rule_table": table},
+        {"points": scattered(hill, 50), "wires": layer, **PLANTS_ALONE, "rule_table": table},
     )
     near = found["crossings"].frame
     near = near[near.span_id + near.other_span == 4]
@@ -366,7 +367,7 @@ def test_lines_that_cross_have_no_rule_in_the_sets_of_the_toolbox() -> None:
     low = crossing_line(hill, 21.0)
     layer = wires_of([*line_on(hill), low], [*TOWERS, (4, 5)])
     found = toolbox.run(
-        "corridor.clearance", {"points": scattered(hill, 50), "wires": layer, "falling": False}
+        "corridor.clearance", {"points": scattered(hill, 50), "wires": layer, **PLANTS_ALONE}
     )
     frame = found["crossings"].frame
     assert frame.severity.to_list() == ["no rule"]
@@ -378,7 +379,7 @@ def test_lines_that_cross_have_no_rule_in_the_sets_of_the_toolbox() -> None:
 def test_intervals_hold_all_clearances_between_the_coldest_and_the_hottest(hill: Hill) -> None:
     """The temperature of the survey and the conductor are not known: steps through all of them."""
     points, curves = scattered(hill, 400), line_on(hill)
-    values = {"points": points, "wires": wires_of(curves, TOWERS), "falling": False}
+    values = {"points": points, "wires": wires_of(curves, TOWERS), **PLANTS_ALONE}
     found = toolbox.run("corridor.clearance", {**values, "distance": 7.0, "min_points": 1})
     spans, objects = found["spans"].frame, found["objects"].frame
     xyz, code = points.xyz - ORIGIN, points["classification"]
@@ -422,7 +423,7 @@ def test_a_wire_that_may_sag_into_a_tree_has_an_interval_down_to_nothing() -> No
     tree = np.repeat(below, 5, axis=0)
     height = np.full(5, 15.0)
     points = cloud(hill, (tree, TREE, height))
-    values = {"points": points, "wires": wires_of([wire], [(1, 2)]), "falling": False}
+    values = {"points": points, "wires": wires_of([wire], [(1, 2)]), **PLANTS_ALONE}
     found = toolbox.run("corridor.clearance", {**values, "distance": 2.0})
     (one,) = found["objects"].frame.itertuples()
     assert one.clearance == pytest.approx(1.5, abs=CENTIMETRE)
@@ -450,7 +451,7 @@ def test_a_wire_that_may_sag_into_a_tree_has_an_interval_down_to_nothing() -> No
 def test_the_known_temperature_bounds_the_interval_by_the_states_themselves() -> None:
     hill = Hill(0.3, 0.5)
     curves = line_on(hill)
-    values = {"points": scattered(hill), "wires": wires_of(curves, TOWERS), "falling": False}
+    values = {"points": scattered(hill), "wires": wires_of(curves, TOWERS), **PLANTS_ALONE}
     given = {**values, **HOT, "survey_temperature_sd": 0.0, "distance": 3.0}
     spans = toolbox.run("corridor.clearance", given)["spans"].frame.set_index(["span_id", "state"])
     for span in (1, 2):
@@ -468,7 +469,7 @@ def test_the_known_temperature_bounds_the_interval_by_the_states_themselves() ->
 def test_an_unsure_temperature_of_the_survey_widens_the_range_by_two_deviations() -> None:
     hill = Hill(0.3, 0.5)
     wires = wires_of(line_on(hill), TOWERS)
-    values = {"points": scattered(hill, 50), "wires": wires, "falling": False, "distance": 1.0}
+    values = {"points": scattered(hill, 50), "wires": wires, **PLANTS_ALONE, "distance": 1.0}
     limits = {"conductor": "Drake", "lowest_temperature": 10.0, "highest_temperature": 40.0}
     for survey, sd, told in (
         (20.0, 0.0, "20 degrees more or 10"),
@@ -500,7 +501,7 @@ def test_grass_is_no_object_and_what_is_left_out_is_told() -> None:
         values = {
             "points": points,
             "wires": wires_of(curves, TOWERS),
-            "falling": False,
+            **PLANTS_ALONE,
             "distance": 20.0,
         }
         found = toolbox.run("corridor.clearance", values)
@@ -568,7 +569,7 @@ def test_the_temperature_of_the_survey_is_computed_from_load_and_weather() -> No
     """The hot state then hangs as if that temperature had been given."""
     hill = Hill(0.2, 0.2)
     curves = line_on(hill)
-    values = {"points": scattered(hill, 300), "wires": wires_of(curves, TOWERS), "falling": False}
+    values = {"points": scattered(hill, 300), "wires": wires_of(curves, TOWERS), **PLANTS_ALONE}
     drake = {"conductor": "Drake", "temperature": 80.0, "distance": 1.0}
     load = {"survey_current": 600.0, **WEATHER}
     found = toolbox.run("corridor.clearance", {**values, **drake, **load})
@@ -615,7 +616,7 @@ def test_the_sun_needs_a_place_on_the_earth() -> None:
 def test_profiles_show_the_ground_right_below_the_wires() -> None:
     """In a side slope the ground to the side is as high as the wires."""
     hill = Hill(0.6, 0.0)
-    values = {"wires": wires_of(line_on(hill), TOWERS), "falling": False, "distance": 1.0}
+    values = {"wires": wires_of(line_on(hill), TOWERS), **PLANTS_ALONE, "distance": 1.0}
     for aside, shown in ((0.9, True), (1.1, False)):
         xy = np.column_stack([np.arange(0.0, 240.0, 2.0), np.full(120, aside)])
         points = cloud(hill, (hill.stand(xy, 0.0), GROUND, 0.0))

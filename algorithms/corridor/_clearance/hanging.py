@@ -1,0 +1,180 @@
+"""Points in mid-air on a wire or a tower, or by themselves, which may be no plants.
+
+Files often give points of wires and towers the class of vegetation. What a tree is holds on to the
+ground, or to other points of plants; what hangs free, with empty air below, is rather a part of the
+line that was not recognised. Nobody can be sure, so it is told apart and neither a tree nor gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from algorithms.corridor._clearance.distances import (
+    TAKES_NO_PART,
+    Violations,
+    find_violations,
+    nearest_wires,
+)
+from algorithms.corridor._clearance.objects import FALLING, TREES, groups, objects_by
+from algorithms.corridor._clearance.rules import OBJECTS, UNSURE, Rule
+from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
+from toolbox.context import QUIET, Context
+
+HANGING = Rule(
+    "may be wire",
+    "hangs in mid-air on a wire, a tower or by itself",
+    "",
+    UNSURE,
+    "3-D",
+    0.0,
+    0.0,
+    UNSURE,
+    confirmed=True,
+    note="Has the class of plants or none, and may be a wire or a tower: look at it",
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def parted_from_hanging(
+    surroundings: Surroundings,
+    line: LineStates,
+    at_tower: NDArray[np.bool_],
+    of_line: NDArray[np.bool_],
+    *,
+    gap: float,
+    fewest: int,
+    attachment: float,
+    free_air: float,
+    ctx: Context = QUIET,
+) -> Surroundings:
+    """Surroundings in which what hangs in mid-air is no plant; its kinds are in `hanging`.
+
+    A chain of points no farther apart than `gap` hangs if all of it is within `gap` of a wire or of
+    a point of the line, at the end of a wire or at a tower, or if it has fewer points than an
+    object; and if nothing else is within `free_air` to its side that reaches higher than `free_air`
+    below it, nor the ground.
+
+    Parameters
+    ----------
+    at_tower, of_line : arrays of shape (n,), points at the body of a tower, and those that have
+        the class of a line
+    gap, fewest : see `objects_of`, metres
+    attachment : points nearer to the end of a wire may be of its support, metres
+    free_air : metres to the side and below in which nothing is that could hold a plant; 0: no
+        point hangs
+    """
+    xyz, kind, height = surroundings.xyz, surroundings.kind, surroundings.height
+    plants = np.flatnonzero(np.isin(kind, TREES))
+    if not free_air or not len(plants) or not line.spans:
+        return surroundings
+    group = groups(xyz[plants], np.zeros(len(plants), np.int64), gap)
+    held = at_tower[plants] | near_line(
+        xyz[plants], kind[plants], line, xyz[of_line], gap=gap, attachment=attachment, ctx=ctx
+    )
+    count = np.bincount(group)
+    slender = (np.bincount(group, held) == count) | (count < fewest)
+    may = np.zeros(len(kind), bool)
+    may[plants] = slender[group]
+    low = surroundings.low >= 0  # too low to be objects, but others may grow from them
+    solid = np.flatnonzero(((kind >= 0) & (kind < len(OBJECTS)) & ~may) | low)
+    free = np.zeros(len(kind), bool)
+    some = np.flatnonzero(may & (height >= free_air))
+    free[some] = ~near_others(xyz[some], xyz[solid], free_air)
+    hangs = slender & (np.bincount(group, ~free[plants]) == 0)
+    mine = np.zeros(len(kind), bool)
+    mine[plants] = hangs[group]
+    return replace(
+        surroundings,
+        kind=np.where(mine, TAKES_NO_PART, kind),
+        hanging=np.where(mine, kind, TAKES_NO_PART),
+    )
+
+
+def near_line(
+    xyz: Floats,
+    kind: NDArray[np.int8],
+    line: LineStates,
+    labelled: Floats,
+    *,
+    gap: float,
+    attachment: float,
+    ctx: Context,
+) -> NDArray[np.bool_]:
+    """True for points within `gap` of a wire or a labelled point, or near the end of a wire."""
+    curves = line.curves[0]
+    space, _ = nearest_wires(xyz, kind, curves, reach=max(gap, attachment), ctx=ctx)
+    ends = cKDTree(np.concatenate([c.points(np.array([0.0, c.length])) for c in curves]))
+    close = space <= attachment
+    close[close] = ends.query(xyz[close])[0] <= attachment
+    close |= space <= gap
+    if len(labelled):
+        close |= cKDTree(labelled).query(xyz, distance_upper_bound=gap)[0] <= gap
+    return np.asarray(close)
+
+
+def near_others(xyz: Floats, others: Floats, free_air: float) -> NDArray[np.bool_]:
+    """True for points with others within `free_air` in plan, less than that below, or above.
+
+    What is above counts, however high it is: below a crown hang branches.
+    """
+    near = np.zeros(len(xyz), bool)
+    if not len(others) or not len(xyz):
+        return near
+    found = cKDTree(others[:, :2]).query_ball_point(xyz[:, :2], free_air)
+    for number, own in enumerate(found):
+        near[number] = bool((others[own, 2] > xyz[number, 2] - free_air).any())
+    return near
+
+
+def hanging_objects(
+    surroundings: Surroundings,
+    line: LineStates,
+    rules: Sequence[Rule],
+    *,
+    reach: float,
+    point_sd: float,
+    ctx: Context = QUIET,
+) -> tuple[list[Object], Violations]:
+    """What would break a rule, or be near without one, if what hangs in mid-air were plants.
+
+    Parameters
+    ----------
+    rules : of which HANGING will be the next
+    reach, point_sd : see `find_violations`, metres
+
+    Returns
+    -------
+    an object for each wire that has such points, and these points
+    """
+    kind = surroundings.hanging
+    some = np.flatnonzero(kind >= 0)
+    if not len(some):
+        return [], Violations.none()
+    found, _ = find_violations(
+        surroundings.xyz[some],
+        kind[some],
+        line.curves,
+        [one for one in rules if one is not FALLING],
+        reach=reach,
+        point_sd=point_sd,
+        ctx=ctx,
+    )
+    unknown = np.full(len(found), np.nan)
+    found = replace(
+        found,
+        point=some[found.point],
+        rule=np.full(len(found), len(rules)),
+        measure=found.space,
+        ratio=found.space,
+        probability=unknown,
+    )
+    own = replace(surroundings, kind=kind)
+    objects = objects_by(own, found, found.wire, [*rules, HANGING])
+    return [replace(one, kind=UNSURE) for one in objects], found

@@ -57,8 +57,8 @@ def warn_not_known(confusion: Confusion) -> None:
             continue
         most = confusion.labels[int(confusion.counts[:, k].argmax())]
         log.warning(
-            "%d of %d points (%.0f %%) are of class %s, which the reference does not have: none of "
-            "them can be right; there most are of class %s: make classes one with map, or leave "
+            "%d of %d points (%.0f %%) are of %s, which the reference does not have: none of "
+            "them can be right; there most are of %s: make classes one with map, or leave "
             "some out",
             said,
             total,

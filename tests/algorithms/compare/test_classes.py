@@ -124,14 +124,15 @@ def test_a_class_that_the_reference_does_not_have_is_told(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """As vegetation, where the reference has all but ground and buildings in class 1."""
-    CompareClasses(points=from_counts({(2, 2): 100, (1, 5): 4}), positive=ClassList([2])).run()
+    known: Any = {"reference_attribute": Attribute("truth"), "positive": ClassList([2])}
+    CompareClasses(points=from_counts({(2, 2): 100, (1, 5): 4}), **known).run()
     assert "does not have" not in caplog.text
     points = from_counts({(2, 2): 100, (1, 5): 30, (2, 5): 5})
-    CompareClasses(points=points, positive=ClassList([2])).run()
+    CompareClasses(points=points, **known).run()
     assert "35 of 135 points (26 %) are of class 5" in caplog.text
     assert "there most are of class 1" in caplog.text
     caplog.clear()
-    CompareClasses(points=points, positive=ClassList([2]), map=("1,5=other",)).run()
+    CompareClasses(points=points, map=("1,5=other",), **known).run()
     assert "does not have" not in caplog.text
 
 

@@ -52,10 +52,10 @@ AGREE, COMMISSION, OMISSION = "agree", "commission", "omission"
 RELATIONS = ("1:1", "1:n", "n:1", "n:m", "1:0", "0:1")
 
 Row = dict[str, Any]
-LOOKS = {  # colours as of the outcomes of points
-    "agree": ("agree", "#d4d4d4"),
-    "commission": ("commission", "#d7261e"),
-    "omission": ("omission", "#2166d1"),
+LOOKS = {  # each as the layer that is there alone has on the map of a report
+    "agree": ("agree", "#6a3d9a"),
+    "commission": ("commission", "#0b5fa5"),
+    "omission": ("omission", "#d7261e"),
 }
 
 

@@ -32,6 +32,8 @@ APPLICATION = "LIDAR-TOOLBOX"
 LAYER, KIND = "layer", "kind"
 TEXT, ANGLE, SIZE = "text", "angle", "text_height"
 _CROSS, _SHARE = 35, -1.5  # points are shown as circles with a cross, in percent of the view
+_SCREEN = 1.5  # width over height of the window in which a drawing opens
+_AROUND = 1.1  # height of what is seen there over that of the drawing
 _SIZE = 2.0  # of texts that say none, in the unit of the drawing
 _COLOURS = 1, 5, 3, 30, 6, 4, 200, 8  # of layers in turn, as numbers of AutoCAD
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
@@ -58,7 +60,9 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
         An attribute is too long or has a line break, or no drawing can have a layer of this name.
     """
     with _without_times():
-        _drawing(frame, path, layer).saveas(path)
+        places = shapely.get_coordinates(frame.geometry.to_numpy(), include_z=True)
+        places[:, 2] = np.nan_to_num(places[:, 2])  # of plane features, as the drawing has them
+        _save(_drawing(frame, path, layer), path, places)
 
 
 @contextmanager
@@ -106,7 +110,9 @@ def write_entities(
     with _without_times():
         drawing = new("R2010", units=_unit(crs))
         space = drawing.modelspace()
+        corners = [np.empty((0, 2))]
         for entity in entities:
+            corners.append(entity.xy)
             name = re.sub(r'[<>/\\":;?*|=`,]', " ", entity.layer)
             if name not in drawing.layers:
                 layer = drawing.layers.add(name)
@@ -121,7 +127,30 @@ def write_entities(
                 space.add_point(tuple(entity.xy[0]), how)
             else:
                 space.add_lwpolyline(entity.xy, dxfattribs=how)
-        drawing.saveas(path)
+        _save(drawing, path, np.pad(np.concatenate(corners), ((0, 0), (0, 1))))
+
+
+def _save(drawing: Drawing, path: Path, places: NDArray[np.float64]) -> None:
+    """Write a drawing that says where its entities are, so that CAD opens it there.
+
+    Without it a drawing at coordinates of a map opens on nothing, at the origin.
+
+    Parameters
+    ----------
+    places : corners and places of all entities, of shape (n, 3)
+    """
+    places = places[np.isfinite(places).all(axis=1)]
+    if len(places):
+        low, high = (end(places, axis=0).tolist() for end in (np.min, np.max))
+        space = drawing.modelspace()
+        space.reset_extents(low, high)
+        space.reset_limits(low[:2], high[:2])
+        wide, tall, _ = np.subtract(high, low)
+        middle = np.add(low, high)[:2] / 2
+        drawing.set_modelspace_vport(
+            _AROUND * float(max(tall, wide / _SCREEN) or 1.0), tuple(middle.tolist())
+        )
+    drawing.saveas(path)
 
 
 def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:

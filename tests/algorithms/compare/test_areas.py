@@ -18,12 +18,13 @@ from pyproj import CRS
 
 from algorithms.compare import _overlay
 from algorithms.compare.areas import CompareAreas
-from toolbox import run
+from toolbox import catalog, run
 from toolbox.context import Context
 from toolbox.data import Vector
 from toolbox.data.crs import LOCAL
 from toolbox.declare import Extent
 from toolbox.errors import Cancelled, DataError
+from toolbox.reports.maps import maps_of
 
 UTM, FEET, DEGREES = CRS(32635), CRS(2263), CRS(4326)
 EAST, NORTH = 500_000.0, 4_330_000.0
@@ -510,3 +511,13 @@ def test_one_lake_of_a_map_of_all_lakes(caplog: pytest.LogCaptureFixture) -> Non
     out = compare(lake, [*sheets, far], counterparts=True, extent=cut)
     assert measures(out)["reference_area"] == 36
     assert rows(out, "reference")["inside_%"].round(1).tolist() == [40, 33.3, 0]
+
+
+def test_on_the_map_of_the_report_what_is_alone_has_the_colour_of_its_layer() -> None:
+    areas, reference = layer(box(0, 0, 4, 4)), layer(box(2, 0, 6, 4))
+    given = {"areas": areas, "reference": reference}
+    ((_, plot),) = maps_of(catalog.load("compare.areas"), run("compare.areas", given), given)
+    colours = {g["name"]: g["colour"] for part in plot.data["layers"] for g in part["groups"]}
+    assert colours["commission"] == colours["Areas"]
+    assert colours["omission"] == colours["Reference"]
+    assert len(set(colours.values())) == 3

@@ -102,3 +102,16 @@ def test_what_a_drawing_cannot_hold(tmp_path: Path, columns: Any, problem: str) 
 
 def test_empty_layer(tmp_path: Path) -> None:
     assert len(drawn(tmp_path / "a.dxf", []).modelspace()) == 0
+
+
+def test_a_drawing_opens_where_its_entities_are(tmp_path: Path) -> None:
+    drawing = drawn(tmp_path / "a.dxf", [shapely.LineString(SOLID), shapely.Polygon(RING)])
+    assert drawing.header["$EXTMIN"] == pytest.approx((X, Y, 0))
+    assert drawing.header["$EXTMAX"] == pytest.approx((X + 9, Y + 9, 4.25))
+    (view,) = drawing.viewports.get("*Active")
+    assert tuple(view.dxf.center)[:2] == pytest.approx((X + 4.5, Y + 4.5))
+    assert 9 < view.dxf.height < 12
+
+
+def test_an_empty_drawing_is_written(tmp_path: Path) -> None:
+    drawn(tmp_path / "a.dxf", [])

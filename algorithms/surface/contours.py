@@ -52,7 +52,9 @@ class SurfaceContours:
 
     Lines are not smoothed, since smoothed ones may cross. With `smooth_tolerance` the surface is
     made as smooth as it can be without moving any height by more, and the lines are those of that
-    surface; water that was laid level stays level. With `min_length` shorter lines are left out,
+    surface; water that was laid level stays level. A level that this would leave without a line,
+    as on flat land, keeps the lines of the surface as it is, if the interval is more than the
+    tolerance; their number is told. With `min_length` shorter lines are left out,
     and their number is told: the noise of a survey makes many around single cells.
 
     `labels` has a position on index contours every `label_spacing` along them, at least one on
@@ -121,10 +123,19 @@ class SurfaceContours:
         if self.smooth_tolerance:
             heights = smoothed(surface, self.smooth_tolerance, ctx=ctx.part(0.0, 0.5))
             ctx = ctx.part(0.5, 1.0)
-        steps = steps_between(heights, self.interval, self.base)
+        steps = steps_between(surface, self.interval, self.base)
         levels = [round(self.base + step * self.interval, DIGITS) for step in steps]
-        every = contours(heights, Lattice.of(self.surface), levels, ctx=ctx)
-        found = [[line for line in lines if length(line) >= self.min_length] for lines in every]
+        lattice = Lattice.of(self.surface)
+        every = contours(heights, lattice, levels, ctx=ctx.part(0.0, 0.9))
+        gone = [n for n, lines in enumerate(every) if not self._long_enough(lines)]
+        if 0 < self.smooth_tolerance < self.interval:
+            # Lines of two levels cannot cross, as heights are moved by less than the interval.
+            ctx = ctx.part(0.9, 1.0)
+            rough = contours(surface, lattice, [levels[n] for n in gone], ctx=ctx)
+            self._tell_rough(rough)
+            for n, lines in zip(gone, rough, strict=True):
+                every[n] = lines
+        found = [self._long_enough(lines) for lines in every]
         left_out = sum(map(len, every)) - sum(map(len, found))
         counts = np.array([len(lines) for lines in found], int)
         frame = geopandas.GeoDataFrame(
@@ -140,8 +151,7 @@ class SurfaceContours:
             crs=self.surface.crs,
         )
         if frame.empty:
-            why = "no height between cells is a multiple of the interval"
-            log.warning("there are no lines: %s", why if len(steps) else "no cell has a value")
+            self._tell_none(surface, every, steps)
         moves = np.abs(heights - surface)
         return self.Outputs(
             contours=Vector(frame, geometry_type="LineString Z"),
@@ -150,6 +160,37 @@ class SurfaceContours:
             left_out=left_out,
             largest_move=float(np.max(moves, initial=0.0, where=np.isfinite(moves))),
         )
+
+    def _long_enough(self, lines: list[Array]) -> list[Array]:
+        """The lines that are not left out."""
+        return [line for line in lines if length(line) >= self.min_length]
+
+    def _tell_rough(self, rough: list[list[Array]]) -> None:
+        """Warn of lines that smoothing would have taken away with all of their level."""
+        if kept := sum(len(self._long_enough(lines)) for lines in rough):
+            log.warning(
+                "%d lines are those of the surface as it is: smoothing by up to %.4g m leaves no "
+                "line at their levels",
+                kept,
+                self.smooth_tolerance / self.surface.metre,
+            )
+
+    def _tell_none(self, surface: Array, every: list[list[Array]], steps: range) -> None:
+        """Warn that there are no lines, and why."""
+        metre = self.surface.metre
+        lengths = [length(line) for lines in every for line in lines]
+        if not np.isfinite(surface).any():
+            why = "no cell has a value"
+        elif not lengths and len(steps) and self.smooth_tolerance:
+            why = f"smoothing by up to {self.smooth_tolerance / metre:.4g} m leaves none"
+        elif not lengths:
+            why = "no height between cells is a multiple of the interval"
+        else:
+            why = (
+                f"all {len(lengths)} are shorter than {self.min_length / metre:.4g} m, the longest "
+                f"is {max(lengths) / metre:.4g} m"
+            )
+        log.warning("there are no lines: %s", why)
 
 
 def length(line: Array) -> float:

@@ -182,6 +182,37 @@ def test_interval_is_metres_in_feet_too() -> None:
     np.testing.assert_array_equal(two_feet.contours.frame["elevation"], np.arange(0, 59, 2))
 
 
+def ripple() -> Raster:
+    """Flat land between -0.1 and 0.2 m, with 18 straight lines at 0 that are 80 m long."""
+    return raster(np.tile(0.05 + 0.15 * np.sin(np.arange(60.0)), (81, 1)))
+
+
+def test_a_level_that_smoothing_would_empty_keeps_its_lines(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        out = SurfaceContours(surface=ripple(), smooth_tolerance=0.25, min_length=30.0).run()
+    rough = SurfaceContours(surface=ripple(), min_length=30.0).run()
+    assert len(out.contours) == len(rough.contours) == 18
+    assert out.contours.frame.length.min() == pytest.approx(80)
+    assert "18 lines are those of the surface as it is: smoothing by up to 0.25 m" in caplog.text
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        narrow = SurfaceContours(surface=ripple(), smooth_tolerance=0.25, interval=0.25).run()
+    assert len(narrow.contours) == 0, "lines of two levels might cross"
+    assert "there are no lines: smoothing by up to 0.25 m leaves none" in caplog.text
+
+
+def test_lines_that_are_all_too_short_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        out = SurfaceContours(surface=ripple(), min_length=90.0).run()
+    assert len(out.contours) == 0
+    assert "there are no lines: all 18 are shorter than 90 m, the longest is 80 m" in caplog.text
+    flat = raster([[5.5] * 3] * 3)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        SurfaceContours(surface=flat).run()
+    assert "no height between cells is a multiple of the interval" in caplog.text
+
+
 @pytest.mark.parametrize("values", [[[np.nan] * 3] * 3, [[5.0] * 3] * 3, [[1, 9.0]]])
 def test_nothing_to_draw(values: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """No value, no slope, a single row: an empty layer that keeps its type."""

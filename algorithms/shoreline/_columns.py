@@ -33,8 +33,8 @@ VERTICES = {
     "data_edge": Column("Edge of the data"),
 }
 CURVE = {
-    "level": Column("Level", "", 2),
-    "unit": Column("Unit of levels"),
+    "level": Column("Level in the unit of its heights", "", 2),
+    "unit": Column("Unit of heights"),
     "level_m": Column("Level", "m", 2),
     "area_m2": Column("Area", "m²", 0),
     "volume_m3": Column("Volume", "m³", 0),

@@ -288,11 +288,13 @@ def _centre(cells: CellGrid, some: Ints) -> tuple[float, float]:
 
 
 def name_of(cells: CellGrid, water: Water) -> str:
-    """Text that names a body by its position and size, for messages."""
+    """Text that names a body by its position and size, for messages.
+
+    The area is that of its cells, in two digits; that of the outline is not known before the end.
+    """
     x, y = place_of(cells, water)
-    return (
-        f"water of {len(water.body.cells) * cells.area / cells.metre**2:.0f} m2 at {x:.1f},{y:.1f}"
-    )
+    area = float(f"{len(water.body.cells) * cells.area / cells.metre**2:.2g}")
+    return f"water of about {area:.0f} m2 at {x:.1f},{y:.1f}"
 
 
 def sloping(cells: CellGrid, water: Water) -> str:

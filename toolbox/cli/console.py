@@ -18,6 +18,8 @@ from toolbox.json_text import json_text
 
 _COLOURS = {"warning": "33", "error": "1;31"}  # yellow, bold red
 _MOST_ROWS = 30  # of a table that are printed, about a screen
+_SMALL = 0.01  # m, of which millimetres would be one digit or none
+_LARGE = 100.0  # m2 or m3, of which a whole one is at most a hundredth
 _BAR = 60  # characters of the progress bar with its time
 LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEBUG}
 
@@ -100,7 +102,7 @@ class Console:
         elif hasattr(value, "save"):
             print(f"{name}: {_kind(value)}, not saved (--{name} PATH)")
         elif isinstance(value, float):
-            print(f"{name}: {value:.6g}{unit}")
+            print(f"{name}: {_figure(value, unit)}{unit}")
         elif value is None:
             print(f"{name}: none")
         else:
@@ -238,6 +240,21 @@ def _is_layer(value: Any) -> bool:
 def _kind(layer: Any) -> str:
     size = f"{len(layer)} points" if hasattr(layer, "xyz") else type(layer).__name__
     return size.lower()
+
+
+def _figure(value: float, unit: str) -> str:
+    """A figure with the digits that its unit can bear: millimetres, whole square metres.
+
+    Examples
+    --------
+    >>> _figure(-0.259705, " m"), _figure(0.00034142, " m"), _figure(1282049.7, " m3")
+    ('-0.260', '0.00034', '1282050')
+    >>> _figure(2.54321, " m2"), _figure(0.123456789, "")
+    ('2.54321', '0.123457')
+    """
+    if unit == " m":
+        return f"{value:.2g}" if abs(value) < _SMALL else f"{value:.3f}"
+    return f"{value:.0f}" if unit in (" m2", " m3") and abs(value) >= _LARGE else f"{value:.6g}"
 
 
 def _unit(described: Mapping[str, Any]) -> str:

@@ -180,7 +180,7 @@ class Curves:
         beyond = over.values[frame[show.shaded].to_numpy(bool)] if show.shaded else over.values[:0]
         return cls(
             title,
-            Line(over.values, over.label + f"; dashed: the {show.dashed}" * bool(show.dashed)),
+            Line(over.values, over.label + _meaning(show, bool(len(beyond)))),
             [Line.of(table, axis, scaled=True) for axis in show.lines],
             show.upright,
             show.dots,
@@ -237,6 +237,12 @@ class Curves:
         axes.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
         axes.tick_params(axis="x" if self.upright else "y", colors=colour)
         axes.spines[:].set_color("#9a9a9a")
+
+
+def _meaning(show: Curve, grey: bool) -> str:
+    """What the dashed line and the grey ground of a chart stand for."""
+    dashed = f"; dashed: the {show.dashed}" if show.dashed else ""
+    return f"{dashed}; grey: {show.shaded}" if grey else dashed
 
 
 def _unit(table: Table, column: str) -> str:

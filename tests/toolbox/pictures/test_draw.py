@@ -381,7 +381,7 @@ def test_a_storage_curve_has_two_axes(tmp_path: Path) -> None:
     )
     curve = Curves.of("curve", table, way)
     assert curve is not None
-    assert (curve.over.label, curve.shaded, curve.dashed) == ("level, m", 9.0, None)
+    assert (curve.over.label, curve.shaded, curve.dashed) == ("level, m; grey: open", 9.0, None)
     assert [line.label for line in curve.lines] == ["area, 1000 m²", "volume, million m³"]
     assert curve.lines[1].values[-1] == 45
     assert has_something_to_see(table, (way,))

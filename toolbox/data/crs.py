@@ -48,6 +48,7 @@ _FORMS += "above the ellipsoid), a WKT text, or 'local'"
 _FORMS += " (plain metres; local:mm, local:cm, local:ft)"
 _CODE = re.compile(r"[A-Za-z]\w*:\w+(\+\w+)?")
 ABOVE_ELLIPSOID = "above the ellipsoid"
+NOT_STATED = "not stated by the data"
 """What :func:`height_system` says of heights that are not above a geoid."""
 
 _ELLIPSOID = "+ellipsoid"  # behind a code: heights are measured from the ellipsoid of its datum
@@ -375,7 +376,7 @@ def height_system(crs: CRS) -> str:
     if is_local(crs):
         return "as in the data, no datum"
     flat = len(parts[0].axis_info) < 3
-    return "not stated by the data" if flat else ABOVE_ELLIPSOID
+    return NOT_STATED if flat else ABOVE_ELLIPSOID
 
 
 def crs_text(crs: CRS | None) -> str:

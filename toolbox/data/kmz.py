@@ -9,6 +9,7 @@ OGC 12-007r2 (2015). OGC KML 2.3; a KMZ file is a ZIP archive whose first KML fi
 
 from __future__ import annotations
 
+import io
 import itertools
 import zipfile
 from pathlib import Path
@@ -32,12 +33,16 @@ _COLOURS = (  # aabbggrr of folders in turn, told apart also by those who see no
     "ff739e00",
     "ff333333",
 )
-_DOT = "http://maps.google.com/mapfiles/kml/shapes/shaded_dot.png"  # which Google Earth has itself
+_OF_SEVERITY = {"critical": "ff0000d7", "warning": "ff0077ff", "watch": "ff00d7ff"}  # aabbggrr
+_SEVERITY, _KIND = "severity", "kind"
+_DOT, _DOT_SIZE = "files/dot.png", 32  # within the archive: nothing comes from a network; pixels
 _NAMES = "name", "object_id", "tower_id", "wire_id", "span_id", "id"
 
 
 def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
     """Write features in WGS 84, with a folder for each value of an attribute `layer`.
+
+    What has an attribute `severity` has a folder and a colour for each.
 
     Parameters
     ----------
@@ -49,6 +54,7 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
         groups = [(str(name), rows) for name, rows in frame.groupby("layer", sort=False)]
     else:
         groups = [(layer, frame)]
+    groups = [part for name, rows in groups for part in _by_severity(name, rows)]
     ElementTree.register_namespace("", _SPACE)
     whole = ElementTree.Element(f"{{{_SPACE}}}kml")
     document = ElementTree.SubElement(whole, f"{{{_SPACE}}}Document")
@@ -65,6 +71,28 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
     text = ElementTree.tostring(whole, encoding="utf-8", xml_declaration=True)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(zipfile.ZipInfo("doc.kml", _EPOCH), text, zipfile.ZIP_DEFLATED)
+        archive.writestr(zipfile.ZipInfo(_DOT, _EPOCH), _dot(), zipfile.ZIP_STORED)
+
+
+def _by_severity(
+    name: str, rows: geopandas.GeoDataFrame
+) -> list[tuple[str, geopandas.GeoDataFrame]]:
+    """The features of a layer in a group for each severity, the worst first; or all in one."""
+    known = [s for s in _OF_SEVERITY if _SEVERITY in rows and (rows[_SEVERITY] == s).any()]
+    groups = [(f"{name}, {s}", rows[rows[_SEVERITY] == s]) for s in known]
+    others = rows[~rows[_SEVERITY].isin(known)] if known else rows
+    return [*groups, *([(name, others)] if len(others) or not known else [])]
+
+
+def _dot() -> bytes:
+    """A white disc, which the colour of a style is laid on."""
+    from PIL import Image, ImageDraw
+
+    image = Image.new("RGBA", (_DOT_SIZE, _DOT_SIZE))
+    ImageDraw.Draw(image).ellipse((4, 4, _DOT_SIZE - 5, _DOT_SIZE - 5), "white", "black")
+    made = io.BytesIO()
+    image.save(made, "PNG")
+    return made.getvalue()
 
 
 def _named(rows: geopandas.GeoDataFrame, layer: str) -> geopandas.GeoDataFrame:
@@ -73,7 +101,12 @@ def _named(rows: geopandas.GeoDataFrame, layer: str) -> geopandas.GeoDataFrame:
     frame = rows.drop(columns=[*empty, *({"layer"} & set(rows))])
     number = next((name for name in _NAMES if name in frame), None)
     if number is not None and "Name" not in frame:
-        texts = (f"{layer} {_text(value)}" for value in frame[number])
+        kinds = (
+            frame[_KIND].where(frame[_KIND].notna(), layer)
+            if _KIND in frame
+            else [layer] * len(frame)
+        )
+        texts = (f"{kind} {_text(value)}" for kind, value in zip(kinds, frame[number], strict=True))
         missing = frame[number].isna()
         frame.insert(0, "Name", [layer if m else t for m, t in zip(missing, texts, strict=True)])
     return frame
@@ -88,7 +121,8 @@ def _styled(
 ) -> tuple[list[ElementTree.Element], list[ElementTree.Element], list[ElementTree.Element]]:
     """The style of a layer, its columns, and a folder with its features."""
     style = ElementTree.Element(f"{{{_SPACE}}}Style", id=f"style{number}")
-    colour = _COLOURS[number % len(_COLOURS)]
+    severity = name.rpartition(", ")[2]
+    colour = _OF_SEVERITY.get(severity, _COLOURS[number % len(_COLOURS)])
     icon = _add(style, "IconStyle", color=colour, scale="0.7")
     _add(_add(icon, "Icon"), "href").text = _DOT
     _add(style, "LabelStyle", scale="0.6")

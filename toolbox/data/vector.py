@@ -28,6 +28,7 @@ from toolbox.data import (
 )
 from toolbox.data.crs import (
     ABOVE_ELLIPSOID,
+    NOT_STATED,
     crs_from_json,
     crs_to_json,
     describe_crs,
@@ -578,6 +579,12 @@ def _for_kml(frame: geopandas.GeoDataFrame, path: Path) -> geopandas.GeoDataFram
         )
     if (frame.has_z & ~frame.geom_type.str.contains("Polygon", na=True)).any():
         plane["altitudeMode"] = "absolute"  # or wires would be drawn on the ground
+        if height_system(frame.crs) == NOT_STATED:
+            text = (
+                "%s: the data do not state what heights refer to, and KML has them above the sea: "
+            )
+            text += "what hangs in the air may be drawn too high or too low"
+            log.warning(text, path.name)
         if height_system(frame.crs) == ABOVE_ELLIPSOID:
             text = "%s: its heights are above the ellipsoid, and KML has them above the sea: what "
             text += "hangs in the air is drawn too high or too low; reproject it to such heights"

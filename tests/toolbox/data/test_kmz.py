@@ -32,7 +32,7 @@ def line(crs: str = "EPSG:32635+5773") -> geopandas.GeoDataFrame:
 def opened(path: Path) -> ElementTree.Element:
     with zipfile.ZipFile(path) as archive:
         assert archive.testzip() is None
-        assert archive.namelist() == ["doc.kml"]
+        assert archive.namelist() == ["doc.kml", "files/dot.png"]
         document = ElementTree.fromstring(archive.read("doc.kml"))[0]
     assert document.tag == f"{SPACE}Document"
     return document
@@ -78,3 +78,34 @@ def test_heights_above_the_ellipsoid_are_told(
     assert not caplog.text
     Vector(line().set_crs(CRS(32635).to_3d(), allow_override=True)).save(tmp_path / "b.kmz")
     assert "b.kmz: its heights are above the ellipsoid" in caplog.text
+
+
+def test_heights_that_are_not_stated_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    Vector(line("EPSG:32635")).save(tmp_path / "a.kmz")
+    assert "a.kmz: the data do not state what heights refer to" in caplog.text
+
+
+def test_objects_have_a_folder_and_a_colour_for_each_severity(tmp_path: Path) -> None:
+    rows = {
+        "layer": ["objects"] * 3,
+        "severity": ["watch", "critical", None],
+        "kind": ["tree", "building", None],
+        "object_id": [1, 2, 3],
+    }
+    places = [shapely.Point(500_000 + k, 4_500_000, 5) for k in range(3)]
+    Vector(geopandas.GeoDataFrame(rows, geometry=places, crs="EPSG:32635+5773")).save(
+        tmp_path / "a.kmz"
+    )
+    document = opened(tmp_path / "a.kmz")
+    folders = [folder.findtext(f"{SPACE}name") for folder in document.iter(f"{SPACE}Folder")]
+    assert folders == ["objects, critical", "objects, watch", "objects"]
+    names = [place.findtext(f"{SPACE}name") for place in document.iter(f"{SPACE}Placemark")]
+    assert names == ["building 2", "tree 1", "objects 3"]
+    colours = [
+        style.findtext(f"{SPACE}LineStyle/{SPACE}color") for style in document.iter(f"{SPACE}Style")
+    ]
+    assert colours[:2] == ["ff0000d7", "ff00d7ff"]
+    icons = {href.text for href in document.iter(f"{SPACE}href")}
+    assert icons == {"files/dot.png"}, "nothing comes from a network"

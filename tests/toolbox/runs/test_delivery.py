@@ -276,7 +276,7 @@ def test_the_same_bytes_again_and_by_replay(
 def test_kmz_has_folders_and_styles(model: str, points: Path, tmp_path: Path) -> None:
     toolbox.run(model, {"points": points, "deliver": tmp_path / "out"})
     with zipfile.ZipFile(tmp_path / "out" / "lines.kmz") as archive:
-        assert archive.namelist() == ["doc.kml"]
+        assert archive.namelist() == ["doc.kml", "files/dot.png"]
         text = archive.read("doc.kml").decode()
     assert "<name>contours</name>" in text
     assert text.count("#style0") == text.count("<Placemark") == 7

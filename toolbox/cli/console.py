@@ -15,6 +15,7 @@ from typing import Any
 
 from toolbox.errors import DataError, ToolboxError
 from toolbox.json_text import json_text
+from toolbox.shown import DELIVER
 
 _COLOURS = {"warning": "33", "error": "1;31"}  # yellow, bold red
 _MOST_ROWS = 30  # of a table that are printed, about a screen
@@ -85,8 +86,14 @@ class Console:
             return
         if self.level == "quiet":
             return
+        folder = outputs.get(DELIVER)
         for name, value in outputs.items():
+            if folder is not None and type(value).__name__ == "Report":
+                continue  # what it holds is on the page of the set
             self._print_value(name, value, _unit(description["outputs"].get(name, {})))
+
+        if isinstance(folder, Path):
+            print(f"in {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
 
     def _print_value(self, name: str, value: Any, unit: str) -> None:
         if isinstance(value, tuple):  # from a repeated step

@@ -198,11 +198,11 @@ def _summary(
     text += f"\nPoints of objects at 0-20 m from the wires: {near}; at 20-30 m: {farther}."
     if not np.isfinite(surroundings.height).any():
         text += "\nNo point is ground: heights are not known, and falling trees not looked for."
-    doubtful = [rule.id for rule in rules if not rule.confirmed]
+    doubtful = [f"{r.kind} ({r.threshold:g} m, {r.id})" for r in rules if not r.confirmed]
     if doubtful:
         text += (
-            f"\nNot confirmed: the values of {', '.join(doubtful)}. They were not found in a "
-            "document; look them up in the regulation before you rely on them."
+            f"\nNot confirmed: the distances required for {', '.join(doubtful)}. They were not "
+            "found in a document; look them up in the regulation before you rely on them."
         )
     return text
 
@@ -246,11 +246,11 @@ def _rest_text(line: LineStates, rest: AtRest, conductor: Conductor | None) -> s
     if rest.surveyed is None:
         text = (
             "The temperature of the wires in the survey is not known. It is taken to be from "
-            f"{told.surveyed[0]:g} to {told.surveyed[1]:g} C."
+            f"{told.surveyed[0]:g} to {told.surveyed[1]:g} °C."
         )
     else:
         source = "computed from current and weather (IEEE 738)" if rest.computed else "given"
-        text = f"In the survey the wires had {rest.surveyed:.1f} C, as {source}."
+        text = f"In the survey the wires had {rest.surveyed:.1f} °C, as {source}."
     which = f"{conductor.name}" if conductor else "not known: any of the table of conductors"
     colder, warmer = told.change
     up, down = _moves(line)
@@ -259,12 +259,13 @@ def _rest_text(line: LineStates, rest: AtRest, conductor: Conductor | None) -> s
         "held there: their intervals are too narrow near such ends."
     )
     return (
-        f"{text} At other times they may have from {told.lowest:g} to {told.highest:g} C, so up to "
-        f"{warmer:.0f} degrees more or {-colder:.0f} less than in the survey. Conductor: {which}. "
-        f"A wire may hang up to {down:.2f} m lower or {up:.2f} m higher than it was surveyed.\n"
-        "clearance_low and clearance_high are the least and the greatest clearance in that range: "
-        "of an object from the wire with which it is listed, of a span from all that is near. The "
-        "wind is that of the survey, and there is no ice. They are no standard deviation: nobody "
+        f"{text} At other times they may have from {told.lowest:g} to {told.highest:g} °C, so up "
+        f"to {warmer:.0f} degrees more or {-colder:.0f} less than in the survey. Conductor: "
+        f"{which}. A wire may hang up to {down:.2f} m lower or {up:.2f} m higher than it was "
+        "surveyed.\nThe clearances at other temperatures are the least and the greatest in that "
+        "range: of an object from the wire with which it is listed, of a span from all that is "
+        "near. The wind is that of the survey, and there is no ice. They are no standard "
+        "deviation: nobody "
         "knows from the survey where in the range a wire is at another time. The clearance itself "
         "is that of the moment of the survey, or of the state that is named."
         f"{held if line.open_spans else ''}"
@@ -287,7 +288,8 @@ def _may_break(surroundings: Surroundings, rest: AtRest) -> str:
         return ""
     return (
         "\nPoints that keep the rules as surveyed, and may break one at another temperature of the "
-        f"wires (see there): {told}. They are not listed."
+        f"wires (see there): {told}. They are in no list and no file: to have those of hot wires "
+        "listed, give the conductor and its temperature in the survey and when hot."
     )
 
 

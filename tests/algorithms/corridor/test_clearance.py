@@ -172,18 +172,20 @@ def test_what_hangs_in_mid_air_on_a_wire_or_tower_is_not_sure_to_be_a_tree(
     assert "Not sure: points near 1 wires hang in mid-air" in found["report"].summary
 
 
-@pytest.mark.parametrize("low", [0.0, 12.0])
-def test_a_tree_that_reaches_a_wire_is_one_however_thin_its_tip_is(low: float) -> None:
-    """Also if its lower part is too low to be an object, and its tip is two points."""
+@pytest.mark.parametrize("above_crown", [None, 1.0])
+def test_a_tree_that_reaches_a_wire_is_one_however_thin_its_tip_is(
+    above_crown: float | None,
+) -> None:
+    """Also if its lower part is too low to be an object; the tip is farther than a gap above it."""
     x, top = 150.0, float(LEVEL.height(np.array(150.0)))
-    crown = leaves(x, 0.0, top - 6.0, (6.0, 6.0, 7.0), 4000)
+    crown = leaves(x, 0.0, top - 7.0, (6.0, 6.0, 7.6), 4000)
     tip = np.array([[x, 0.0, top - 0.3], [x + 0.5, 0.0, top - 0.4]])
-    points = hung(crown, tip)
-    found = run(points, distance=1.0, falling=False, min_points=1, min_object_height=low)
-    assert found["unsure_count"] == 0
-    assert found["critical_count"] == 1
-    high = hung(crown + np.array([0.0, 0.0, -6.0]), tip)  # far above the tree
-    assert run(high, distance=1.0, falling=False)["unsure_count"] == 1
+    low = 0.0 if above_crown is None else top - 3.2 + above_crown
+    set_to = {"distance": 1.0, "falling": False, "min_points": 1, "min_object_height": low}
+    found = run(hung(crown, tip), **set_to)
+    assert (found["critical_count"], found["unsure_count"]) == (1, 0)
+    far_above = hung(crown - np.array([0.0, 0.0, 6.0]), tip)
+    assert run(far_above, **set_to)["unsure_count"] == 1
 
 
 def test_a_crown_without_a_trunk_beside_a_wire_is_a_tree() -> None:
@@ -886,7 +888,8 @@ def test_what_is_beside_a_wire_has_no_rule_where_all_rules_are_vertical() -> Non
         kinds = found["report"].sections[0].blocks[0].table.frame.set_index("kind")
         assert kinds.rule["ground"] == (
             "cz-mv-ground; no rule: the rules for ground are vertical alone; "
-            "listed within 3.05 m (29 CFR 1926.1408, table A)"
+            "listed within 3.05 m (29 CFR 1926.1408, table A, "
+            "which cranes must keep in the USA)"
         )
     upright, level = (
         rule(kind=kind, direction=direction, threshold=far)

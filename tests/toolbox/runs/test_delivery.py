@@ -287,7 +287,11 @@ def test_command_line_and_help(
 ) -> None:
     out = os.fspath(tmp_path / "out")
     assert main(["run", model, "--points", str(points), "--deliver", out, "--title", "A hill"]) == 0
-    assert f"deliver: {out}" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert f"deliver: {out}" in told
+    files = ", ".join(sorted(os.listdir(out)))
+    assert f"in {out}: {files}\n" in told
+    assert "README.txt" in files
     assert (tmp_path / "out" / "README.txt").read_text().startswith("A hill\n======\n")
     assert main(["describe", model]) == 0
     assert "report.html, tables.xlsx, top.tif" in " ".join(capsys.readouterr().out.split())

@@ -119,6 +119,8 @@ DIFFER = {  # parameters that are declared in several ways, and why
     "folds": "of single points, and of blocks of ground",
     "ground_classes": "corridor.extract finds the ground unless it is told",
     "keep": "points are inside or outside, features are cut",
+    "height_error": "a model knows how well heights of surveys are known, a curve only its level",
+    "highest": "a curve ends at the rim of its lake, or at the highest ground without one",
     "iterations": "each method goes round in its own way",
     "labels": "a map takes labels if there are any, training needs them",
     "max_distance": "how far is far depends on what is compared",

@@ -34,6 +34,7 @@ MUCH = 0.5  # share of the points that are on joined surfaces
 FEW = 5_000  # points that tell how wide a plane is
 NEAR = 3.0  # distance of planes over the tolerance, if one may be the noise of the other
 ROUNDS = 20  # of a robust fit
+MOSTLY = 0.5  # share of the mean square of steps between neighbours that is noise, at least
 DEVIATION = 1.4826  # standard deviation over the median of the sizes of normal values
 BIWEIGHT = 4.685  # standard deviations beyond which points do not count: 95 % efficient
 SETTLED = 0.01  # change of distances over their spread, with which a fit is done
@@ -141,7 +142,8 @@ def _if_joined(
     The points of such a plane fill the tolerance, and neighbours have much of their distance from
     the plane in common, which they do not in noise: a wall, and the panes not far behind it. Most
     neighbours are on one surface: the median of their differences is noise, which the steps from
-    the wall to a pane do not change, nor the slant of a plane that cuts through both.
+    the wall to a pane do not change, nor the slant of a plane that cuts through both. A median far
+    below their mean square is none: of points of one sweep that share their error it is far less.
     """
     joined = []
     sizes = np.bincount(owner, minlength=len(patches) + 1)[1:]
@@ -152,7 +154,8 @@ def _if_joined(
             between = between_neighbours(some, *patch.plane[:3])
             if variance > SAME * between:
                 step = np.median(np.abs(steps_across(cells.xyz[part], *patch.plane[:3])))
-                joined.append(((DEVIATION * float(step)) ** 2 / 2, len(part)))
+                least = (DEVIATION * float(step)) ** 2 / 2
+                joined.append((least if least > MOSTLY * between else between, len(part)))
     variances, counts = np.array(joined).reshape(-1, 2).T
     if counts.sum() <= MUCH * sizes.sum():
         return 0.0

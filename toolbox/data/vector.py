@@ -288,19 +288,18 @@ class Vector(Layer):
         local = self.crs if self.crs is not None and is_local(self.crs) else None
         if local is not None and suffix not in (geopackage.SUFFIX, ".parquet"):
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(local))
-        frame = self.frame if local is None else self.with_crs(None).frame
-        if rounded:
-            frame = rounding.rounded(frame)
+        frame = rounding.rounded(self.frame) if rounded else self.frame
+        bare = frame if local is None else Vector(frame).with_crs(None).frame
         if suffix in (".kml", kmz.SUFFIX):
-            frame = _for_kml(frame, path)
+            bare = _for_kml(bare, path)
         with errors_named(f"{path} cannot be written"):
             for old in () if add else self.own_files(path):  # or GDAL would add a layer to them
                 old.unlink(missing_ok=True)
             if suffix in _DRIVERS:
                 said = local.name if local else ""
-                _write(frame, path, layer or path.stem, self.geometry_type, said)
+                _write(bare, path, layer or path.stem, self.geometry_type, said)
             elif suffix == kmz.SUFFIX:
-                kmz.write(frame, path, layer or path.stem)
+                kmz.write(bare, path, layer or path.stem)
             else:
                 self._write_otherwise(frame, path, layer or path.stem, rounded=rounded)
             if side_car(path):

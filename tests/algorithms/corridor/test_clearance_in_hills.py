@@ -480,7 +480,7 @@ def test_an_unsure_temperature_of_the_survey_widens_the_range_by_two_deviations(
         assert f"so up to {told} less than in the survey" in found["report"].html()
     air = {"survey_air_temperature": 25.0}
     page = toolbox.run("corridor.clearance", {**values, **limits, **air})["report"].html()
-    assert "from 25 to 40 C. At other times" in page
+    assert "from 25 to 40 °C. At other times" in page
     assert "so up to 15 degrees more or 30 less" in page
 
 
@@ -582,7 +582,7 @@ def test_the_temperature_of_the_survey_is_computed_from_load_and_weather() -> No
         assert one == pytest.approx(other, abs=0.005)
     calm = {**load, "survey_time": None, "survey_sun": 0.0, "survey_current": 0.0}
     cold = toolbox.run("corridor.clearance", {**values, **drake, **calm})["report"].html()
-    assert "In the survey the wires had 20.0 C" in cold
+    assert "In the survey the wires had 20.0 °C" in cold
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,8 @@ FRONTS = {
     "relief_from": Column("Relief from", "unit", 3),
     "relief_to": Column("Relief to", "unit", 3),
 }
+UNSEEN = "unseen"  # kind of a part of a front without points of its wall, and layer of drawings
+
 OPENINGS = {
     "opening_id": Column("Opening"),
     "front_id": Column("Front"),

@@ -24,7 +24,6 @@ NEEDED = ("kind", "front_id", "opening_id", "width", "height", "sill")
 TICK = 0.6  # of the height of a text: half of the stroke that ends a dimension line
 OFF = 2.5  # heights of a text from the wall to the first line of dimensions, and to the next
 ROW = 1.8  # heights of a text from one line of the title block to the next
-UNSEEN = "unseen"  # kind of a part of a front without points of its wall, and its layer
 SHOWN_DIGITS = 3  # of a certainty
 MILLIMETRES = 1000.0  # in a metre
 
@@ -99,8 +98,8 @@ class PlanesDrawing:
         walls = frame[frame["kind"] == "facade"]
         for wall in walls.itertuples():
             here = frame[frame["front_id"] == wall.front_id]
-            bare = here.loc[here["kind"] == UNSEEN].geometry.tolist()
-            openings = here[~here["kind"].isin(["facade", UNSEEN])]
+            bare = here.loc[here["kind"] == columns.UNSEEN].geometry.tolist()
+            openings = here[~here["kind"].isin(["facade", columns.UNSEEN])]
             sheet.front(int(wall.front_id), wall.geometry, openings, bare)
         if len(walls):
             sheet.title_block(
@@ -108,7 +107,7 @@ class PlanesDrawing:
                 len(walls),
                 self.unit,
                 float(walls["spacing"].max()) if "spacing" in walls else None,
-                (frame["kind"] == UNSEEN).any(),
+                (frame["kind"] == columns.UNSEEN).any(),
             )
         return self.Outputs(drawing=sheet.layer(self.elevation), schedule=schedule(frame, metre))
 
@@ -144,9 +143,9 @@ class Sheet:
             self.starred |= bool(star)
             self._text("numbers", f"{one.opening_id}{star}", *_middle(one.geometry))
         for part in unseen:
-            self._add(UNSEEN, shapely.LineString(part.exterior.coords))
+            self._add(columns.UNSEEN, shapely.LineString(part.exterior.coords))
             for across in crossed(part):
-                self._add(UNSEEN, across)
+                self._add(columns.UNSEEN, across)
         self._text("numbers", f"Front {number}", (left + right) / 2, top + OFF * self.size)
         boxes = openings.geometry.bounds.to_numpy()
         near = OFF * self.size
@@ -295,7 +294,7 @@ def levels(boxes: Floats, bottom: float, top: float) -> Floats:
 
 def schedule(frame: geopandas.GeoDataFrame, metre: float) -> Table:
     """Table of the openings of an elevation, lengths in millimetres."""
-    found = frame[~frame["kind"].isin(["facade", UNSEEN])]
+    found = frame[~frame["kind"].isin(["facade", columns.UNSEEN])]
     rows = pd.DataFrame(
         {
             "front_id": found["front_id"].astype("int64"),

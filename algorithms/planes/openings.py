@@ -35,7 +35,6 @@ NOISY = 2.0  # least step that can be seen over the one that is asked for, from 
 TWICE = 0.3  # share of a wall with another before or behind it: 0.12 at most on single ones
 TALL = 1.5  # height over width, of the largest opening
 APART = STOREY  # metres between two fronts of an elevation
-UNSEEN = "unseen"  # kind of a part of a front without points of its wall
 MUCH_UNSEEN = 0.1  # share of a front without points of its wall, from which on it is told
 
 Floats = NDArray[np.float64]
@@ -384,7 +383,7 @@ class PlanesOpenings:
                 solid.append(one.relief.view.raised(opening.shape))
                 flat.append(_moved(opening.shape, shift))
             for part in one.made.unseen:
-                shown.append({"opening_id": 0, "front_id": front_id, "kind": UNSEEN})
+                shown.append({"opening_id": 0, "front_id": front_id, "kind": columns.UNSEEN})
                 flat.append(_moved(part, shift))
             for gap in one.made.dropped:
                 reasons.append({"front_id": front_id, "reason": gap.dropped})

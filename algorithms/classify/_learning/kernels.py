@@ -16,7 +16,9 @@ from numba import njit
 from algorithms.shared.kernels.compiling import helper
 
 MOST_LEAVES = 32  # of a tree whose leaves are the bits of a number
-TOGETHER = 128  # points that take each branch together, so that their features stay at hand
+EVERY_LEAF = np.uint32(0xFFFFFFFF)
+AT_ONCE = 4  # branches that are asked before the leaves that remain are written down
+TOGETHER = 256  # points that take each branch together, so that their features stay at hand
 
 
 @njit(cache=True, nogil=True)
@@ -52,40 +54,56 @@ def scores_of_small(first, last, data, row, threshold, kept, begin, leaf, column
     ----------
     row, threshold, kept : of each branch, those of a tree after each other: feature (plus the
         number of features if points without it go right), its limit, and the leaves that points
-        to the right may reach, as bits
+        to the right may reach, as bits; AT_ONCE times a whole number for each tree
     begin : first branch of each tree, and their number
     leaf, column : first leaf of each tree in `values`, and its class
     values : of all leaves from left to right
     """
-    count = data.shape[1]
+    count, classes = data.shape[1], found.shape[1]
     asked = np.empty((2 * count, TOGETHER), np.float32)
+    sums = np.empty((classes, TOGETHER))
     may = np.empty(TOGETHER, np.uint32)
-    everything = np.uint32(0xFFFFFFFF)
+    lowest = np.empty(TOGETHER, np.float32)
+    bits = lowest.view(np.uint32)
     for start in range(first, last, TOGETHER):
         size = min(TOGETHER, last - start)
-        for i in range(size):
-            for f in range(count):
+        for f in range(count):
+            for i in range(size):
                 x = data[start + i, f]
                 asked[f, i] = x
                 asked[count + f, i] = np.float32(np.inf) if math.isnan(x) else x
+        for i in range(size):
+            for c in range(classes):
+                sums[c, i] = found[start + i, c]
         for t in range(len(leaf)):
-            may[:] = everything
-            for branch in range(begin[t], begin[t + 1]):
-                x, limit, rest = asked[row[branch]], threshold[branch], kept[branch]
-                for i in range(TOGETHER):
-                    may[i] &= rest if x[i] > limit else everything
-            for i in range(size):
-                found[start + i, column[t]] += values[leaf[t] + _lowest_bit(np.int64(may[i]))]
+            may[:] = EVERY_LEAF
+            for branch in range(begin[t], begin[t + 1], AT_ONCE):
+                _leave(asked, row, threshold, kept, branch, may)
+            for i in range(TOGETHER):
+                left = np.int32(may[i])
+                lowest[i] = np.float32(np.int32(left & -left))
+            own, reached = sums[column[t]], values[leaf[t] : leaf[t] + MOST_LEAVES]
+            for i in range(TOGETHER):  # a power of two as a float has its exponent from bit 23 on
+                own[i] += reached[((bits[i] >> np.uint32(23)) - np.uint32(127)) & np.uint32(31)]
+        for i in range(size):
+            for c in range(classes):
+                found[start + i, c] = sums[c, i]
 
 
 @helper
-def _lowest_bit(number):
-    """Index of the lowest bit that is set: how many are below it."""
-    below = (number & -number) - 1
-    below -= (below >> 1) & 0x55555555
-    below = (below & 0x33333333) + ((below >> 2) & 0x33333333)
-    below = (below + (below >> 4)) & 0x0F0F0F0F
-    return ((below * 0x01010101) >> 24) & 0xFF
+def _leave(asked, row, threshold, kept, branch, may):
+    """Drop the leaves that points cannot reach any more, by AT_ONCE branches.
+
+    One by one, most of the time would go by reading and writing `may`.
+    """
+    x0, limit0, kept0 = asked[row[branch]], threshold[branch], kept[branch]
+    x1, limit1, kept1 = asked[row[branch + 1]], threshold[branch + 1], kept[branch + 1]
+    x2, limit2, kept2 = asked[row[branch + 2]], threshold[branch + 2], kept[branch + 2]
+    x3, limit3, kept3 = asked[row[branch + 3]], threshold[branch + 3], kept[branch + 3]
+    for i in range(TOGETHER):
+        one = (kept0 if x0[i] > limit0 else EVERY_LEAF) & (kept1 if x1[i] > limit1 else EVERY_LEAF)
+        two = (kept2 if x2[i] > limit2 else EVERY_LEAF) & (kept3 if x3[i] > limit3 else EVERY_LEAF)
+        may[i] &= one & two
 
 
 @njit(cache=True, nogil=True)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning import kernels
-from algorithms.classify._learning.kernels import MOST_LEAVES
+from algorithms.classify._learning.kernels import AT_ONCE, MOST_LEAVES
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from toolbox.context import QUIET, Context
@@ -129,12 +129,20 @@ class Trained:
             left
         ].astype(np.uint64)
         kept = (~hidden & np.uint64(0xFFFFFFFF)).astype(np.uint32)
-        begin = np.searchsorted(self.tree[branch], np.arange(len(roots) + 1))
+        own = self.tree[branch]
+        begin = np.searchsorted(own, np.arange(len(roots) + 1))
+        # Room for AT_ONCE branches at a time; nothing goes right of those that fill the rest.
+        room = np.r_[0, np.cumsum(-(-np.diff(begin) // AT_ONCE) * AT_ONCE)]
+        at, every = room[own] + np.arange(len(branch)) - begin[own], kernels.EVERY_LEAF
+        filled = tuple(
+            _placed(values, at, int(room[-1]), other)
+            for values, other in ((row, 0), (limit, np.inf), (kept, every))
+        )
         first = np.cumsum(held[roots]) - held[roots]
         values, leaf = np.empty(held[roots].sum()), np.flatnonzero(~inner)
         own = self.tree[leaf]
         values[first[own] + before[leaf]] = self.values[leaf, column[own]]
-        return row, limit, kept, begin, first, column, values
+        return *filled, room, first, column, values
 
     def _columns(self, roots: Ints) -> Ints:
         """The only class to whose score each tree adds, -1 if there are several."""
@@ -259,6 +267,13 @@ def _check_about(about: Mapping[str, Any]) -> None:
         raise ValueError("its quantiles are not those of its features and classes")
     if about["temperature"] <= 0 or about["density"] < 0 or 0 in about.get("scale", ()):
         raise ValueError("a number that must be above zero is not")
+
+
+def _placed(values: NDArray[Any], at: Ints, total: int, other: Any) -> NDArray[Any]:
+    """An array of `total` items with values at some places, and another value elsewhere."""
+    placed = np.full(total, other, values.dtype)
+    placed[at] = values
+    return placed
 
 
 def softmax(scores: Floats) -> Floats:

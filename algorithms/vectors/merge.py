@@ -26,7 +26,8 @@ class VectorsMerge:
 
     `label_attributes` names for each layer an attribute whose values are written beside its
     features, as points of a layer such as towers_labels with the attributes text and text_height,
-    which a drawing shows as texts; an empty word for a layer without.
+    which a drawing shows as texts; an empty word for a layer without. What has a `severity` is in
+    layers by that, such as objects_critical.
     """
 
     layers: tuple[Vector, ...] = source("Layers to join")
@@ -112,5 +113,7 @@ def labels_of(
         "text": [f"{value:g}" if isinstance(value, float) else str(value) for value in values],
         "text_height": height,
     }
+    if "severity" in frame:  # a drawing switches them off with what they name
+        made["severity"] = frame.loc[known, "severity"].to_numpy()
     places = np.column_stack([x + height, y + height, np.nan_to_num(z)])
     return geopandas.GeoDataFrame(made, geometry=shapely.points(places), crs=frame.crs)

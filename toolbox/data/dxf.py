@@ -4,12 +4,15 @@ Points become POINT, or TEXT where they have an attribute `text` (its size is `t
 turn `angle`, in degrees counterclockwise), lines and rings of polygons LWPOLYLINE, or POLYLINE
 where they have heights. An attribute `layer`, or else `kind`, names the layer of each; all
 attributes stand at the entity as extended data of the application LIDAR-TOOLBOX, one text
-`name=value` each. A drawing has a unit, but no CRS.
+`name=value` each. What has a `severity`, and index contours (`is_index`), have layers of their own,
+such as objects_critical and contours_index. A drawing has a unit, but no CRS.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -35,7 +38,16 @@ _CROSS, _SHARE = 35, -1.5  # points are shown as circles with a cross, in percen
 _SCREEN = 1.5  # width over height of the window in which a drawing opens
 _AROUND = 1.1  # height of what is seen there over that of the drawing
 _SIZE = 2.0  # of texts that say none, in the unit of the drawing
-_COLOURS = 1, 5, 3, 30, 6, 4, 200, 8  # of layers in turn, as numbers of AutoCAD
+SEVERITY, INDEX = "severity", "is_index"
+_OF_INDEX = "_index"
+_OF_LABELS = "_labels"  # how layers of texts end, which have the colour of what they name
+_COLOURS = 3, 5, 6, 4, 200, 8, 94, 22  # of layers in turn, as numbers of AutoCAD
+_OF_SEVERITY = {"critical": 1, "warning": 30, "watch": 52}
+_NAMES = {  # of colours, for people
+    **{1: "red", 3: "green", 4: "cyan", 5: "blue", 6: "magenta", 8: "grey", 200: "violet"},
+    **{22: "brown", 30: "orange", 52: "dark yellow", 94: "dark green"},
+}
+_HEAVY = 35  # hundredths of a millimetre: lines of index contours on paper
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # an end of line begins another entity
 _UNITS = {
@@ -45,6 +57,7 @@ _UNITS = {
     0.001: 4,
     0.01: 5,
 }  # metres of a unit: code of $INSUNITS
+_UNIT_NAMES = {6: "metres", 2: "feet", 21: "US survey feet", 4: "millimetres", 5: "centimetres"}
 
 
 def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
@@ -160,16 +173,62 @@ def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
     drawing.appids.add(APPLICATION)
     drawing.header["$PDMODE"], drawing.header["$PDSIZE"] = _CROSS, _SHARE
     space = drawing.modelspace()
-    rows = frame.drop(columns=frame.geometry.name).to_dict("records")
-    for row, geometry in zip(rows, frame.geometry, strict=True):
+    for name, (colour, _) in layers_of(frame, path, layer).items():
+        heavy = name.endswith(_OF_INDEX)
+        drawing.layers.add(name, color=colour, **({"lineweight": _HEAVY} if heavy else {}))
+    for row, geometry in zip(_rows(frame), frame.geometry, strict=True):
         how = {"layer": _layer_name(row, layer, path)}
-        if how["layer"] not in drawing.layers:  # a colour each, in their order
-            drawing.layers.add(how["layer"], color=_COLOURS[len(drawing.layers) % len(_COLOURS)])
         texts = _texts(row, path)
         for piece in shapely.get_parts(geometry):
             for entity in _written(space, piece, how, row) or _draw(space, piece, how):
                 entity.set_xdata(APPLICATION, texts)
     return drawing
+
+
+def _rows(frame: geopandas.GeoDataFrame) -> list[dict[Any, Any]]:
+    rows: list[dict[Any, Any]] = frame.drop(columns=frame.geometry.name).to_dict("records")
+    return rows
+
+
+def layers_of(
+    frame: geopandas.GeoDataFrame, path: Path, layer: str = ""
+) -> dict[str, tuple[int, int]]:
+    """The layers of a drawing of features in their order: colour, and number of features.
+
+    Severities have the same colour in each drawing, texts that of what they name.
+    """
+    names = [_layer_name(row, layer or path.stem, path) for row in _rows(frame)]
+    counts = Counter(names)
+    severities = [str(row.get(SEVERITY)) for row in _rows(frame)]
+    fixed = dict(zip(names, map(_OF_SEVERITY.get, severities), strict=True))
+    colours: dict[str, int] = {}
+    turns = itertools.cycle(_COLOURS)
+    for name in counts:
+        own = name.removesuffix(_OF_LABELS)
+        colours[name] = fixed[name] or colours.get(own) or next(turns)
+    return {name: (colours[name], count) for name, count in counts.items()}
+
+
+def colour_name(colour: int) -> str:
+    """The name of a colour of a layer, and its number in CAD.
+
+    Examples
+    --------
+    >>> colour_name(30)
+    'orange (30)'
+    """
+    return f"{_NAMES[colour]} ({colour})"
+
+
+def unit_name(crs: CRS | None) -> str:
+    """The unit of a drawing in words, as $INSUNITS has it; "" if the drawing says none.
+
+    Examples
+    --------
+    >>> unit_name(CRS(28992)), unit_name(None)
+    ('metres', '')
+    """
+    return _UNIT_NAMES.get(_unit(crs), "")
 
 
 def _unit(crs: CRS | None) -> int:
@@ -184,6 +243,10 @@ def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
 
     values = (row.get(name) for name in (LAYER, KIND))
     name = next((str(value) for value in values if not pd.isna(value)), layer)
+    if not pd.isna(severity := row.get(SEVERITY)):
+        name = f"{name}_{severity}"
+    if row.get(INDEX) is True:
+        name += _OF_INDEX
     if not is_valid_layer_name(name) or _CONTROL.search(name):
         raise DataError(f"{path}: a DXF layer cannot be called {name!r}")
     return name

@@ -1,6 +1,7 @@
-"""Vector layers as KMZ, for Google Earth: a folder and a colour for each kind of feature.
+"""Vector layers as KMZ and KML, for Google Earth, with colours, names and a few words on each.
 
-GDAL writes the features; the styles, which it does not write, are put in, and all is packed.
+GDAL writes the features; what it does not write is put in. KMZ has a folder for each kind of
+feature, and is packed; KML is one layer, which is read again.
 
 References
 ----------
@@ -9,15 +10,18 @@ OGC 12-007r2 (2015). OGC KML 2.3; a KMZ file is a ZIP archive whose first KML fi
 
 from __future__ import annotations
 
+import html
 import io
 import itertools
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 from toolbox.data import geopackage
+from toolbox.data.report.columns import Column, column_of
 
 if TYPE_CHECKING:
     import geopandas
@@ -25,21 +29,27 @@ if TYPE_CHECKING:
 SUFFIX = ".kmz"
 _SPACE = "http://www.opengis.net/kml/2.2"
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files in the archive: the same layer is the same file
-_COLOURS = (  # aabbggrr of folders in turn, told apart also by those who see no red or green
-    "ff0055d4",
-    "ffb27200",
+_COLOURS = (  # aabbggrr of folders in turn, told apart also by those who see no red or green;
+    "ffb27200",  # the first is the blue of water, and the last are near those of severities
     "ff731e79",
-    "ff00a0e6",
     "ff739e00",
     "ff333333",
+    "ff00a0e6",
+    "ff0055d4",
 )
+_HALF = "80"  # aa of areas, which leave the picture below to be seen
 _OF_SEVERITY = {"critical": "ff0000d7", "warning": "ff0077ff", "watch": "ff00d7ff"}  # aabbggrr
 _SEVERITY, _KIND = "severity", "kind"
 _DOT, _DOT_SIZE = "files/dot.png", 32  # within the archive: nothing comes from a network; pixels
-_NAMES = "name", "object_id", "tower_id", "wire_id", "span_id", "id"
+_NAMES = "name", "object_id", "tower_id", "wire_id", "span_id", "body", "id", "elevation"
+_MOST = 10  # rows of a balloon, which is read at a glance; the data behind it have all
+_ANY = ""  # columns of layers that have none under their own name
+
+Headings = Mapping[str, Mapping[str, Column]]
+"""Columns as people read them, by layer and name; "" is for any other layer."""
 
 
-def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
+def write(frame: geopandas.GeoDataFrame, path: Path, layer: str, headings: Headings) -> None:
     """Write features in WGS 84, with a folder for each value of an attribute `layer`.
 
     What has an attribute `severity` has a folder and a colour for each.
@@ -47,6 +57,7 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
     Parameters
     ----------
     layer : the folder of features without an attribute `layer`
+    headings : of the columns that the balloons of features show, the first of them
     """
     import pyogrio
 
@@ -62,16 +73,66 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
     with TemporaryDirectory(dir=path.parent, prefix=".kmz-") as folder:
         for number, (name, rows) in enumerate(groups):  # GDAL appends a layer very slowly
             draft = Path(folder) / f"{number}.kml"
+            shown = named(_filled(rows), name)
             with geopackage.same_date():
-                pyogrio.write_dataframe(_named(rows, name), draft, layer=name, driver="LIBKML")
-            root = ElementTree.parse(draft).getroot()
-            parts.append(_styled(root[0], number, name))
+                pyogrio.write_dataframe(shown, draft, layer=name, driver="LIBKML")
+            made = ElementTree.parse(draft).getroot()[0]
+            _describe(made, shown, _columns(name.partition(", ")[0], headings))
+            parts.append(_styled(made, number, name))
     for kind in zip(*parts, strict=True):  # the schema wants all styles first, then all columns
         document.extend(itertools.chain.from_iterable(kind))
     text = ElementTree.tostring(whole, encoding="utf-8", xml_declaration=True)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(zipfile.ZipInfo("doc.kml", _EPOCH), text, zipfile.ZIP_DEFLATED)
         archive.writestr(zipfile.ZipInfo(_DOT, _EPOCH), _dot(), zipfile.ZIP_STORED)
+
+
+def dress(path: Path, frame: geopandas.GeoDataFrame, layer: str, headings: Headings) -> None:
+    """Put styles and balloons into a KML that GDAL has written of features with :func:`named`."""
+    ElementTree.register_namespace("", _SPACE)
+    whole = ElementTree.parse(path)
+    document = whole.getroot()[0]
+    _describe(document, frame, _columns(layer, headings))
+    severities = [str(s) for s in frame[_SEVERITY]] if _SEVERITY in frame else [""] * len(frame)
+    found = list(dict.fromkeys(severities))
+    for place, severity in zip(document.iter(f"{{{_SPACE}}}Placemark"), severities, strict=True):
+        _set_style(place, f"#style{found.index(severity)}")
+    for number, severity in enumerate(found):
+        document.insert(number, _style(number, _OF_SEVERITY.get(severity, _COLOURS[0]), ""))
+    whole.write(path, encoding="utf-8", xml_declaration=True)
+
+
+def _columns(layer: str, headings: Headings) -> Mapping[str, Column]:
+    return headings.get(layer) or headings.get(_ANY, {})
+
+
+def _describe(
+    document: ElementTree.Element, rows: geopandas.GeoDataFrame, columns: Mapping[str, Column]
+) -> None:
+    """Give each feature a table of its first columns, with units, for its balloon."""
+    shown = [name for name, column in columns.items() if name in rows and column.heading]
+    how = {name: column_of(name, rows[name], columns) for name in shown}
+    told = rows[shown].to_dict("records")
+    places = document.iter(f"{{{_SPACE}}}Placemark")
+    for place, row in zip(places, told, strict=True):
+        words = {n: how[n].text(value) for n, value in row.items() if not _missing(value)}
+        cells = (
+            f"<tr><td>{html.escape(how[n].heading)}</td>"
+            f"<td>{html.escape(f'{text} {how[n].unit}'.rstrip())}</td></tr>"
+            for n, text in words.items()
+            if text
+        )
+        table = "".join(itertools.islice(cells, _MOST))
+        if table:
+            made = ElementTree.Element(f"{{{_SPACE}}}description")
+            made.text = f"<table>{table}</table>"
+            place.insert(_after_name(place), made)
+
+
+def _missing(value: object) -> bool:
+    import pandas as pd
+
+    return bool(pd.isna(value))
 
 
 def _by_severity(
@@ -95,10 +156,15 @@ def _dot() -> bytes:
     return made.getvalue()
 
 
-def _named(rows: geopandas.GeoDataFrame, layer: str) -> geopandas.GeoDataFrame:
-    """The features with a name to show each by, and the attributes that hold anything."""
+def _filled(rows: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:
+    """The features with the attributes that hold anything."""
     empty = [n for n in rows if n != rows.geometry.name and rows[n].isna().all()]
-    frame = rows.drop(columns=[*empty, *({"layer"} & set(rows))])
+    return rows.drop(columns=[*empty, *({"layer"} & set(rows))])
+
+
+def named(frame: geopandas.GeoDataFrame, layer: str) -> geopandas.GeoDataFrame:
+    """The features with a name to show each by."""
+    frame = frame.copy()
     number = next((name for name in _NAMES if name in frame), None)
     if number is not None and "Name" not in frame:
         kinds = (
@@ -120,20 +186,26 @@ def _styled(
     document: ElementTree.Element, number: int, name: str
 ) -> tuple[list[ElementTree.Element], list[ElementTree.Element], list[ElementTree.Element]]:
     """The style of a layer, its columns, and a folder with its features."""
-    style = ElementTree.Element(f"{{{_SPACE}}}Style", id=f"style{number}")
     severity = name.rpartition(", ")[2]
-    colour = _OF_SEVERITY.get(severity, _COLOURS[number % len(_COLOURS)])
-    icon = _add(style, "IconStyle", color=colour, scale="0.7")
-    _add(_add(icon, "Icon"), "href").text = _DOT
-    _add(style, "LabelStyle", scale="0.6")
-    _add(style, "LineStyle", color=colour, width="2")
-    _add(style, "PolyStyle", color=f"60{colour[2:]}")
+    style = _style(number, _OF_SEVERITY.get(severity, _COLOURS[number % len(_COLOURS)]), _DOT)
     folder = ElementTree.Element(f"{{{_SPACE}}}Folder")
     ElementTree.SubElement(folder, f"{{{_SPACE}}}name").text = name
     for place in document.iter(f"{{{_SPACE}}}Placemark"):
         _set_style(place, f"#style{number}")
         folder.append(place)
     return [style], document.findall(f"{{{_SPACE}}}Schema"), [folder]
+
+
+def _style(number: int, colour: str, icon: str) -> ElementTree.Element:
+    """A style of points, lines and areas; points have the pin of the program without an icon."""
+    style = ElementTree.Element(f"{{{_SPACE}}}Style", id=f"style{number}")
+    point = _add(style, "IconStyle", color=colour, scale="0.7")
+    if icon:
+        _add(_add(point, "Icon"), "href").text = icon
+    _add(style, "LabelStyle", scale="0.6")
+    _add(style, "LineStyle", color=colour, width="2")
+    _add(style, "PolyStyle", color=f"{_HALF}{colour[2:]}")
+    return style
 
 
 def _add(parent: ElementTree.Element, name: str, **texts: str) -> ElementTree.Element:
@@ -144,8 +216,14 @@ def _add(parent: ElementTree.Element, name: str, **texts: str) -> ElementTree.El
 
 
 def _set_style(place: ElementTree.Element, url: str) -> None:
-    """Put the reference where the schema has it: after the name, before the data."""
+    """Put the reference where the schema has it: after name and words, before the data."""
     made = ElementTree.Element(f"{{{_SPACE}}}styleUrl")
     made.text = url
-    name = place.find(f"{{{_SPACE}}}name")
-    place.insert(0 if name is None else list(place).index(name) + 1, made)
+    place.insert(_after_name(place), made)
+
+
+def _after_name(place: ElementTree.Element) -> int:
+    """Where what follows the name, and the words on a feature, belongs."""
+    tags = [child.tag for child in place]
+    first = (f"{{{_SPACE}}}{name}" for name in ("description", "name"))
+    return next((tags.index(tag) + 1 for tag in first if tag in tags), 0)

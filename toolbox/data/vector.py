@@ -108,6 +108,7 @@ class Vector(Layer):
         {cityjson.SUFFIX: "buildings with heights", ifc.SUFFIX: "fronts with openings"}
     )
     NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml", ".kmz")  # one of the Earth
+    BALLOONS: ClassVar[tuple[str, ...]] = (".kml", ".kmz")
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "vectors"
     name: str
@@ -247,6 +248,7 @@ class Vector(Layer):
         layer: str | None = None,
         add: bool = False,
         rounded: bool = False,
+        headings: kmz.Headings = MappingProxyType({}),
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -256,8 +258,8 @@ class Vector(Layer):
         QGIS reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does,
         although RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its
         features in space. KML is always in WGS 84, so that a layer is transformed to it, heights
-        in metres; points and lines are drawn at theirs, outlines on the ground; KMZ is the same,
-        packed, with colours and folders. DXF has a unit, but no CRS. PLY is a mesh of polygons
+        in metres; points and lines are drawn at theirs, outlines on the ground, with names and
+        colours; KMZ is the same, packed, with folders. DXF has a unit, but no CRS. PLY is a mesh of polygons
         with heights, CSV a table with x, y and z of points or the WKT of others, both without a
         CRS. CityJSON makes blocks of outlines of buildings with the heights of ground and roof
         (`toolbox.data.cityjson`), IFC walls with openings of an elevation (`toolbox.data.ifc`).
@@ -272,6 +274,7 @@ class Vector(Layer):
         add : keep the other layers of a GeoPackage
         rounded : write attributes with the digits that a survey knows, see `toolbox.data.rounding`,
             and coordinates in CSV to the millimetre; geometries in other formats are kept
+        headings : of columns by the name of a layer, for the balloons of KML and KMZ
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
@@ -295,13 +298,17 @@ class Vector(Layer):
         with errors_named(f"{path} cannot be written"):
             for old in () if add else self.own_files(path):  # or GDAL would add a layer to them
                 old.unlink(missing_ok=True)
+            if suffix == ".kml":
+                bare = kmz.named(bare, layer or path.stem)
             if suffix in _DRIVERS:
                 said = local.name if local else ""
                 _write(bare, path, layer or path.stem, self.geometry_type, said)
             elif suffix == kmz.SUFFIX:
-                kmz.write(bare, path, layer or path.stem)
+                kmz.write(bare, path, layer or path.stem, headings)
             else:
                 self._write_otherwise(frame, path, layer or path.stem, rounded=rounded)
+            if suffix == ".kml":
+                kmz.dress(path, bare, layer or path.stem, headings)
             if side_car(path):
                 write_beside(path, record)
             elif record:

@@ -44,6 +44,8 @@ class Entry:
     size : points, features, rows or cells; None where nothing is counted
     columns : name, unit and meaning of each column of a table or attribute of features
     left_out : why it is not there; "" if it is
+    unit : of the coordinates of a drawing, in words
+    drawn : name, colour and number of features of each layer of a drawing
     """
 
     file: str
@@ -52,6 +54,8 @@ class Entry:
     size: int | None = None
     left_out: str = ""
     columns: Sequence[tuple[str, str, str]] = ()
+    unit: str = ""
+    drawn: Sequence[tuple[str, str, int]] = ()
 
 
 def readme(
@@ -89,6 +93,7 @@ def readme(
         f"{entry.file}: {entry.help}. {entry.left_out}" for entry in entries if entry.left_out
     ]
     lines += _section("Left out", absent)
+    lines += _drawings(there)
     lines += _columns(there)
     lines += ["", "How it was made", "---------------", *_how(spec)]
     return "\n".join(lines) + "\n"
@@ -126,6 +131,21 @@ def _files(entries: Sequence[Entry]) -> Iterator[str]:
             yield from textwrap.wrap(
                 text, _WIDTH, initial_indent="    ", subsequent_indent="      "
             )
+
+
+def _drawings(entries: Sequence[Entry]) -> Iterator[str]:
+    """The unit and the layers of each drawing, with their colours."""
+    drawings = [entry for entry in entries if entry.drawn]
+    if drawings:
+        yield from ("", "Drawings", "--------")
+    for entry in drawings:
+        unit = f"in {entry.unit}" if entry.unit else "of a unit that is not known"
+        yield f"{entry.file}: {unit}; layer, colour (its number in CAD) [features]"
+        layers = [
+            (f"    {name}", f"{colour} [{count:,}]")
+            for name, colour, count in sorted(entry.drawn, key=lambda one: one[0])
+        ]
+        yield from _pairs(layers)
 
 
 def _columns(entries: Sequence[Entry]) -> Iterator[str]:

@@ -16,7 +16,7 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import Table, Vector
+from toolbox.data import Table, Vector, dxf
 from toolbox.data.crs import is_local
 from toolbox.data.layer import Layer
 from toolbox.data.report.columns import column_of
@@ -202,7 +202,12 @@ def _entry(
     size = layer.size() if isinstance(layer, Layer) else None
     reason = left_out.get(f"{DELIVER} {one.key}", "" if one.file in made else "not made in tiles")
     columns = _columns(spec, one.output, layer) if isinstance(layer, Table | Vector) else ()
-    return Entry(one.file, str(one.options.get("layer", "")), one.help, size, reason, columns)
+    entry = Entry(one.file, str(one.options.get("layer", "")), one.help, size, reason, columns)
+    if not (one.file.lower().endswith(".dxf") and isinstance(layer, Vector)):
+        return entry
+    layers = dxf.layers_of(layer.frame, Path(one.file)).items()
+    drawn = [(name, dxf.colour_name(colour), count) for name, (colour, count) in layers]
+    return replace(entry, unit=dxf.unit_name(layer.crs), drawn=drawn)
 
 
 def _columns(spec: Spec, output: str, layer: Table | Vector) -> tuple[tuple[str, str, str], ...]:

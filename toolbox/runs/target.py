@@ -20,12 +20,14 @@ from toolbox.data.layer import Layer
 from toolbox.data.paths import LAS
 from toolbox.data.record import foreign_side_car
 from toolbox.data.remote.address import Address, as_path
+from toolbox.data.report import Column
 from toolbox.data.report.document import LOOKS, today
 from toolbox.declare.fields import Spec
 from toolbox.declare.kinds import Kind, find, parsed_options
 from toolbox.errors import DataError
 from toolbox.pictures.draw import draw, drawable
 from toolbox.reports.page import Told, framed, page
+from toolbox.reports.words import columns_in
 from toolbox.runs.provenance import Record
 from toolbox.shown import COUNTS, PAGE, PICTURE, SHOWN
 
@@ -95,6 +97,11 @@ class Target:
     def needs_crs(self) -> bool:
         """Whether its format needs a CRS of the Earth."""
         return bool(self.resolved and self.resolved.suffix.lower() in Vector.NEEDING_CRS)
+
+    @property
+    def in_balloons(self) -> bool:
+        """Whether its format shows columns to people, under headings."""
+        return bool(self.resolved and self.resolved.suffix.lower() in Vector.BALLOONS)
 
     @property
     def how(self) -> dict[str, Any]:
@@ -326,7 +333,7 @@ def write(
             more.write(staged)
             for index, (resolved, group) in enumerate(groups.items()):
                 part = ctx.part(index / len(groups), (index + 1) / len(groups))
-                _save_all(spec.id, group, record, staged[resolved], part)
+                _save_all(spec, group, record, staged[resolved], part)
             ctx.progress(1.0)
     except OSError as err:
         raise DataError(f"{spec.id}: cannot write: {err}") from err
@@ -379,7 +386,7 @@ def _pieces(
 
 
 def _save_all(
-    id: str, group: list[_Piece], record: Record | None, path: Path, ctx: Context
+    spec: Spec, group: list[_Piece], record: Record | None, path: Path, ctx: Context
 ) -> None:
     """Save one file, with several layers if it is a GeoPackage."""
     first, *others = group
@@ -389,7 +396,16 @@ def _save_all(
     made = own.to_json() if own else ""
     for piece in group:
         how = piece.target.how if piece is first else {**piece.target.how, "add": True}
-        _save(id, piece, made if piece is group[-1] else "", path, how, ctx)
+        if piece.target.in_balloons:
+            how = {**how, "headings": _headings(spec, piece)}
+        _save(spec.id, piece, made if piece is group[-1] else "", path, how, ctx)
+
+
+def _headings(spec: Spec, piece: _Piece) -> dict[str, dict[str, Column]]:
+    """The columns of a layer, and of other results whose names its features have as layers."""
+    own = spec.results[piece.output].columns if piece.output in spec.results else {}
+    named = {name: field.columns for name, field in spec.results.items() if field.columns}
+    return {name: columns_in(how, piece.layer) for name, how in {**named, "": own}.items()}
 
 
 def _save(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
-from toolbox.data import Vector
+from toolbox.data import Vector, dxf
 from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError
 
@@ -115,3 +115,61 @@ def test_a_drawing_opens_where_its_entities_are(tmp_path: Path) -> None:
 
 def test_an_empty_drawing_is_written(tmp_path: Path) -> None:
     drawn(tmp_path / "a.dxf", [])
+
+
+def test_severities_have_layers_and_colours_of_their_own(tmp_path: Path) -> None:
+    shapes = [shapely.Point(k, 0) for k in range(5)]
+    columns = {
+        "layer": ["wires", "objects", "objects", "objects_labels", "crossings"],
+        "severity": [None, "watch", "critical", "critical", "kept"],
+        "text": [None, None, None, "7", None],
+    }
+    drawing = drawn(tmp_path / "line.dxf", shapes, **columns)
+    found = [(e.dxf.layer, e.dxftype()) for e in drawing.modelspace()]
+    assert found == [
+        ("wires", "POINT"),
+        ("objects_watch", "POINT"),
+        ("objects_critical", "POINT"),
+        ("objects_labels_critical", "TEXT"),
+        ("crossings_kept", "POINT"),
+    ]
+    colours = {layer.dxf.name: layer.dxf.color for layer in drawing.layers}
+    assert (colours["objects_critical"], colours["objects_labels_critical"]) == (1, 1)
+    assert colours["objects_watch"] == 52
+    assert len({colours[name] for name in ("wires", "objects_critical", "crossings_kept")}) == 3
+
+
+def test_labels_have_the_colour_of_what_they_name(tmp_path: Path) -> None:
+    shapes = [shapely.Point(k, 0) for k in range(3)]
+    columns = {"layer": ["wires", "towers", "towers_labels"], "text": [None, None, "1"]}
+    drawing = drawn(tmp_path / "line.dxf", shapes, **columns)
+    colours = {layer.dxf.name: layer.dxf.color for layer in drawing.layers}
+    assert colours["towers"] == colours["towers_labels"] != colours["wires"]
+
+
+def test_index_contours_are_apart_and_heavier(tmp_path: Path) -> None:
+    shapes = [shapely.LineString(SOLID), shapely.LineString(SOLID), shapely.Point(0, 0)]
+    columns = {"layer": ["contours"] * 2 + ["labels"], "is_index": [True, False, None]}
+    drawing = drawn(tmp_path / "a.dxf", shapes, **columns)
+    layers = [e.dxf.layer for e in drawing.modelspace()]
+    assert layers == ["contours_index", "contours", "labels"]
+    heavy, usual = (drawing.layers.get(name).dxf.lineweight for name in layers[:2])
+    assert heavy > max(usual, 25), "25 is the usual width of lines in CAD"
+
+
+def test_layers_are_told_as_they_are_written(tmp_path: Path) -> None:
+    rows = {"layer": ["walls", "walls", "objects"], "severity": [None, None, "warning"]}
+    frame = geopandas.GeoDataFrame(rows, geometry=[shapely.Point(k, 0) for k in range(3)])
+    told = dxf.layers_of(frame, tmp_path / "a.dxf")
+    assert {name: count for name, (_, count) in told.items()} == {"walls": 2, "objects_warning": 1}
+    Vector(frame).save(tmp_path / "a.dxf")
+    written = ezdxf.readfile(tmp_path / "a.dxf").layers
+    assert {name: written.get(name).dxf.color for name in told} == {
+        name: colour for name, (colour, _) in told.items()
+    }
+    assert dxf.colour_name(told["objects_warning"][0]) == "orange (30)"
+
+
+def test_every_colour_has_a_name() -> None:
+    for colour in (*dxf._COLOURS, *dxf._OF_SEVERITY.values()):
+        assert dxf.colour_name(colour).endswith(f" ({colour})")

@@ -44,6 +44,7 @@ from algorithms.compare._shapes import (
 from algorithms.compare._unseen import warn_outside
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
+from toolbox.data.report import Column
 from toolbox.declare import Extent, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -142,7 +143,14 @@ class CompareAreas:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
         polygons: Table = sink("One row per polygon of either layer")
         difference: Vector = sink(
-            "Polygons of the kinds agree, commission and omission", show=show.Classes("kind", LOOKS)
+            "Polygons of the kinds agree, commission and omission",
+            show=show.Classes("kind", LOOKS),
+            columns={
+                "kind": Column("Kind"),
+                "area": Column("Area", "unit²", 1),
+                "polygon": Column("Number of the polygon"),
+                "reference": Column("Number of the reference"),
+            },
         )
         area: float = sink("Area of the polygons", unit="m2")
         reference_area: float = sink("Area of the reference", unit="m2")

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from algorithms.corridor._extraction.layers import COVARIANCES
 from toolbox.data.report import Column
 
-_HIDDEN = Column("")  # in files only
 
 LENGTHS = {
     "clearance": Column("Clearance", "m", 2),
@@ -90,9 +88,28 @@ CROSSINGS = {
     "other_chainage": Column("Along the other span", "m", 1),
 }
 
+_OF_CURVES: dict[str, dict[str, str]] = {  # in files only; u runs along the axis, v to its left
+    "bundle_id": {"meaning": "Number of the bundle in the span"},
+    "x0": {"meaning": "Easting of the start of the axis of the wire, u = 0", "unit": "unit"},
+    "y0": {"meaning": "Northing of the start of the axis of the wire", "unit": "unit"},
+    "u0": {"meaning": "Lowest point of the catenary, along the axis", "unit": "m"},
+    "z0": {"meaning": "Lowest point of the catenary, elevation", "unit": "unit"},
+    "v0": {"meaning": "Offset from the axis: v = v0 + v1 u", "unit": "m"},
+    "v1": {"meaning": "Offset from the axis for each metre along it", "unit": "m/m"},
+    "curvature": {"meaning": "1 / c", "unit": "1/m"},
+    "var_start": {"meaning": "Variance of the elevation at the start", "unit": "m²"},
+    "var_end": {"meaning": "Variance of the elevation at the end", "unit": "m²"},
+    "var_curv": {"meaning": "Variance of the curvature", "unit": "1/m²"},
+    "cov_start_end": {"meaning": "Covariance of both elevations", "unit": "m²"},
+    "cov_start_curv": {"meaning": "Covariance of elevation at the start and curvature"},
+    "cov_end_curv": {"meaning": "Covariance of elevation at the end and curvature"},
+    "sd_c": {"meaning": "Standard deviation of c", "unit": "m"},
+    "sd_u0": {"meaning": "Standard deviation of u0", "unit": "m"},
+    "sd_z0": {"meaning": "Standard deviation of z0", "unit": "m"},
+}
+
 WIRES = {
-    **dict.fromkeys((*COVARIANCES, "x0", "y0", "u0", "z0", "v0", "v1"), _HIDDEN),
-    **dict.fromkeys(("curvature", "sd_c", "sd_u0", "sd_z0", "bundle_id"), _HIDDEN),
+    **{name: Column("", **how) for name, how in _OF_CURVES.items()},
     "from_tower": SPANS["from_tower"],
     "to_tower": SPANS["to_tower"],
     "azimuth": Column("Azimuth", "°", 1),

@@ -6,9 +6,14 @@ from toolbox.data.report import Column
 
 PLANES = {
     "plane_id": Column("Plane"),
-    **{f"normal_{axis}": Column("") for axis in "xyz"},
-    "offset": Column(""),
-    "height": Column(""),
+    **{
+        f"normal_{axis}": Column("", meaning=f"Normal of the plane, along {axis}")
+        for axis in "xyz"
+    },
+    "offset": Column(
+        "", "unit", meaning="Distance from the zero of the coordinates, along the normal"
+    ),
+    "height": Column("", "unit", meaning="Height in the middle of its points"),
     "tilt": Column("Tilt", "°", 1),
     "azimuth": Column("Azimuth", "°", 1),
     "rms": Column("Root mean square error", "unit", 3),
@@ -49,6 +54,21 @@ OPENINGS = {
     "found_by": Column("Found by"),
     "certainty": Column("Certainty", "%", 0, 100.0),
 }
+_AXES = {
+    "corner": ("unit", "Zero of the front's coordinates in space"),
+    "right": ("", "Direction to the right in space"),
+    "up": ("", "Direction upwards in space"),
+}
+ELEVATION = {
+    **OPENINGS,
+    "plane_id": Column("Plane"),
+    "spacing": Column("Distance of points on the wall", "unit", 3),
+    **{
+        f"{name}_{axis}": Column("", unit, meaning=f"{text}, {axis}")
+        for name, (unit, text) in _AXES.items()
+        for axis in "xyz"
+    },
+}
 SCHEDULE = {
     "front_id": OPENINGS["front_id"],
     "opening_id": OPENINGS["opening_id"],
@@ -59,4 +79,10 @@ SCHEDULE = {
     "set_back_mm": Column("Set back", "mm", 0),
     "hidden": OPENINGS["hidden"],
     "certainty": OPENINGS["certainty"],
+}
+DRAWING = {
+    "layer": Column("Layer"),
+    "text": Column("Text"),
+    "angle": Column("Angle of the text, counterclockwise", "°", 1),
+    "text_height": Column("Height of the text", "unit", 2),
 }

@@ -70,7 +70,9 @@ class PlanesDrawing:
 
     @outputs
     class Outputs:
-        drawing: Vector = sink("Walls, openings, dimensions and texts, with a layer each")
+        drawing: Vector = sink(
+            "Walls, openings, dimensions and texts, with a layer each", columns=columns.DRAWING
+        )
         schedule: Table = sink(
             "Openings with front, kind, width, height and sill", columns=columns.SCHEDULE
         )

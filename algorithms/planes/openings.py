@@ -149,6 +149,7 @@ class PlanesOpenings:
             "Each front and its openings, in its own coordinates",
             show=show.Classes("kind", apart=True),
             also=(".ifc",),
+            columns=columns.ELEVATION,
         )
         dropped: Vector = sink("Gaps that are no openings, with the reason")
         planes: Vector = sink("Outlines of the planes that are left")

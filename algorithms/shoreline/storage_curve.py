@@ -29,6 +29,7 @@ from algorithms.shoreline._basin_raster import RasterBasin, Spill
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
+from toolbox.data.report import Column
 from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
@@ -178,7 +179,11 @@ class ShorelineStorageCurve:
             unit="m",
             label="Level at which it runs over",
         )
-        spill_point: Vector = sink("Where it does, a point at that level", label="Spill point")
+        spill_point: Vector = sink(
+            "Where it does, a point at that level",
+            label="Spill point",
+            columns={"level": Column("Level of the rim", "unit", 2)},
+        )
         missing_share: float = sink("Share of the outline, or of all, without ground", unit="1")
 
         def in_words(self) -> str:

@@ -14,6 +14,7 @@ from algorithms.shared.heights import heights_problem
 from algorithms.surface._smooth import smoothed
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
+from toolbox.data.report import Column
 from toolbox.declare import outputs, param, sink, source, tool
 from toolbox.errors import DataError
 
@@ -25,6 +26,8 @@ MOST_LEVELS = 10_000  # more are taken for a mistake in the interval
 ROUNDING = 1e-9  # intervals: a level this close below the lowest value may be meant to be it
 DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 TOUCH = 1e-9  # square cells: a ring that is smaller only touches the level
+
+ELEVATION = Column("Elevation", "unit")
 
 
 @tool(
@@ -96,8 +99,18 @@ class SurfaceContours:
 
     @outputs
     class Outputs:
-        contours: Vector = sink("Lines with Z and the attributes elevation and is_index")
-        labels: Vector = sink("Where the heights of index contours are written: text, angle")
+        contours: Vector = sink(
+            "Lines with Z and the attributes elevation and is_index",
+            columns={"elevation": ELEVATION, "is_index": Column("Index contour")},
+        )
+        labels: Vector = sink(
+            "Where the heights of index contours are written: text, angle",
+            columns={
+                "elevation": ELEVATION,
+                "text": Column("Text"),
+                "angle": Column("Angle of the text, counterclockwise", "°", 0),
+            },
+        )
         levels: int = sink("Number of levels that have lines", unit="1", label="Number of levels")
         left_out: int = sink("Lines shorter than min_length", unit="1", label="Lines left out")
         largest_move: float = sink(

@@ -341,10 +341,11 @@ class SurfaceGrid:
         is_height, is_count = name == "z", self.method == "count"
         fits = is_height or is_count or np.can_cast(points[name].dtype, np.float32)
         height = vertical_unit(points.crs) if is_height else ""
+        own = height or ("1" if name == "intensity" else "")  # GDAL takes none for that of heights
         across = points.crs.axis_info[0].unit_name if points.crs else ""
         texts = (
-            ("points per cell", "") if is_count else (f"{name} ({self.method})", height),
-            ("points used", ""),
+            ("points per cell", "1") if is_count else (f"{name} ({self.method})", own),
+            ("points used", "1"),
             ("distance to the nearest point", across),
             ("error without the points used", height),
         )

@@ -128,6 +128,7 @@ class SurfaceHillshade:
             crs=self.surface.crs,
             nodata=nodata,
             descriptions=("hillshade",),
+            units=("1",),
         )
         ctx.progress(1.0)
         return self.Outputs(hillshade=raster, filled_share=float(known.mean()))

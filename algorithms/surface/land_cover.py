@@ -36,7 +36,8 @@ class SurfaceLandCover:
     with as many points the one with the higher number counts. Cells without points take the class
     of the nearest one within `max_gap`. The values are the classes of LAS (2 ground, 3 to 5
     vegetation, 6 building, 9 water), 0 for none; the table has the area of each. Points of class
-    0, never classified, take no part.
+    0, never classified, take no part. The file has the colours of the classes, and the file beside
+    it that ends in .aux.xml their names, so that a GIS shows both.
     """
 
     points: PointCloud = source("Classified points")
@@ -103,12 +104,14 @@ class SurfaceLandCover:
         ctx.progress(0.6)
         cover = found.reshape(lattice.shape)
         cover = filled(cover, cover == NONE, self.max_gap / lattice.cell)
-        raster = Raster.from_lattice(
+        raster = Raster(
             cover.astype(np.uint8),
-            lattice,
+            lattice.transform,
             crs=cloud.crs,
             nodata=float(NONE),
             descriptions=("land cover",),
+            units=("1",),
+            classes=True,
         )
         return self.Outputs(cover=raster, areas=areas(cover, lattice.cell / cloud.metre))
 

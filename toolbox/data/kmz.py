@@ -15,16 +15,18 @@ import io
 import itertools
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 from toolbox.data import geopackage
-from toolbox.data.report.columns import Column, column_of
+from toolbox.data.report.columns import COMMON, Column, column_of
 
 if TYPE_CHECKING:
     import geopandas
+    import pandas as pd
 
 SUFFIX = ".kmz"
 _SPACE = "http://www.opengis.net/kml/2.2"
@@ -110,9 +112,10 @@ def _describe(
     document: ElementTree.Element, rows: geopandas.GeoDataFrame, columns: Mapping[str, Column]
 ) -> None:
     """Give each feature a table of its first columns, with units, for its balloon."""
-    shown = [name for name, column in columns.items() if name in rows and column.heading]
-    how = {name: column_of(name, rows[name], columns) for name in shown}
-    told = rows[shown].to_dict("records")
+    if not columns:
+        return
+    how = {name: _shown(name, rows[name], columns) for name in _first(rows, columns)}
+    told = rows[list(how)].to_dict("records")
     places = document.iter(f"{{{_SPACE}}}Placemark")
     for place, row in zip(places, told, strict=True):
         words = {n: how[n].text(value) for n, value in row.items() if not _missing(value)}
@@ -127,6 +130,23 @@ def _describe(
             made = ElementTree.Element(f"{{{_SPACE}}}description")
             made.text = f"<table>{table}</table>"
             place.insert(_after_name(place), made)
+
+
+def _first(rows: geopandas.GeoDataFrame, columns: Mapping[str, Column]) -> list[str]:
+    """The columns with a heading: what tells a feature from others, then as they are declared."""
+    headed = {**COMMON, **columns}
+    names = dict.fromkeys([*_NAMES, _SEVERITY, _KIND, *columns, *COMMON])
+    return [name for name in names if name in rows and name in headed and headed[name].heading]
+
+
+def _shown(name: str, values: pd.Series, columns: Mapping[str, Column]) -> Column:
+    """How a column is shown; whole numbers of a layer that others have joined are whole again."""
+    found = column_of(name, values, columns)
+    known = values.dropna()
+    usual = columns.get(name) or COMMON[name]
+    if usual.digits is None and values.dtype.kind == "f" and (known == known.round()).all():
+        return replace(found, digits=0)
+    return found
 
 
 def _missing(value: object) -> bool:

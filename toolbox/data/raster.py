@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
+from xml.sax.saxutils import escape
 
 import numpy as np
 from affine import Affine
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
-from toolbox.data import differences
+from toolbox.data import asprs, differences
 from toolbox.data.crs import (
     crs_from_json,
     crs_text,
@@ -37,7 +38,7 @@ from toolbox.errors import DataError
 
 STRIP = 256  # rows that are written at a time; one row of tiles of the file
 _COMPRESSED = {"compress": "deflate", "bigtiff": "if_safer"}
-_SAID = ("nodata", "descriptions", "units", "name")  # of a raster, besides its place
+_SAID = ("nodata", "descriptions", "units", "classes", "name")  # of a raster, besides its place
 _LOCAL = "LOCAL_CRS"  # metadata item of a raster without CRS, with a word such as "local:mm"
 _NODATA = -9999.0  # of float rasters, unless the file or the caller has its own
 _SIDE_CARS = (".aux.xml", ".ovr", ".msk", ".msk.ovr")  # what GDAL reads with a GeoTIFF
@@ -62,6 +63,8 @@ class Raster(Layer):
     nodata : what a file holds where nothing is known; -9999 for floats unless given, or where the
         type of the file cannot hold what is given
     descriptions, units : one text per band, or nothing
+    classes : the values are point classes of LAS; a file has their colours, and their names beside
+        it (.aux.xml), and no unit of heights
     name : of the file, for messages
 
     Raises
@@ -87,6 +90,7 @@ class Raster(Layer):
     nodata: float | None = field(default=None, kw_only=True)
     descriptions: tuple[str, ...] = field(default=(), kw_only=True)
     units: tuple[str, ...] = field(default=(), kw_only=True)
+    classes: bool = field(default=False, kw_only=True)
     name: str = field(default="", kw_only=True)
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".tif", ".tiff")
@@ -302,6 +306,8 @@ class Raster(Layer):
                     stored, _ = replace(self, values=values)._stored(path, wanted)
                     sink.write(stored, window=Window(0, top, lattice.cols, values.shape[1]))
                 sink.units = self.units
+                if self.classes:
+                    sink.write_colormap(1, _class_colours())
                 if self.crs is not None and is_local(self.crs):
                     sink.update_tags(**{_LOCAL: crs_text(self.crs)})
                 if record:
@@ -310,6 +316,8 @@ class Raster(Layer):
                     sink.set_band_description(band, text)
             if cog:
                 rasterio.shutil.copy(plain, path, **_cog_layout(wanted))
+            if self.classes:
+                Path(f"{path}{_SIDE_CARS[0]}").write_text(_class_names(), encoding="utf-8")
         except (RasterioError, OSError) as error:
             raise DataError(f"{path} cannot be written: {error}") from error
         finally:
@@ -564,6 +572,20 @@ def _position_unchecked() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         yield
+
+
+def _class_colours() -> dict[int, tuple[int, int, int]]:
+    """Red, green and blue of each point class of LAS."""
+    colours = {number: bytes.fromhex(text[1:]) for number, text in asprs.COLOURS.items()}
+    return {number: (each[0], each[1], each[2]) for number, each in colours.items()}
+
+
+def _class_names() -> str:
+    """What GDAL reads beside a file for the names of its values, which GeoTIFF does not hold."""
+    names = (asprs.CLASSES.get(number, "") for number in range(max(asprs.CLASSES) + 1))
+    listed = "".join(f"<Category>{escape(name)}</Category>" for name in names)
+    band = f'<PAMRasterBand band="1"><CategoryNames>{listed}</CategoryNames></PAMRasterBand>'
+    return f"<PAMDataset>{band}</PAMDataset>\n"
 
 
 def _read(source: Any, name: str) -> Raster:

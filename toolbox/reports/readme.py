@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
 _WIDTH = 100  # characters of a line
+_LAYER = "layer"
+_OF_JOINED = {_LAYER, "text", "angle", "text_height"}  # columns that joining features adds
 _OPENS = {
     ".html": "a browser; it needs no network",
     ".pdf": "a reader of PDF",
@@ -149,9 +151,14 @@ def _drawings(entries: Sequence[Entry]) -> Iterator[str]:
 
 
 def _columns(entries: Sequence[Entry]) -> Iterator[str]:
-    """The columns of each file that has some; files with the same columns stand together."""
+    """The columns of each file that has some; files with the same columns stand together.
+
+    Of features that were joined from layers of other files it is told that they are.
+    """
+    apart = [entry for entry in entries if not _is_joined(entry, entries)]
+    joined = [entry for entry in entries if entry.columns and entry not in apart]
     tables: dict[tuple[tuple[str, str, str], ...], list[str]] = {}
-    for entry in entries:
+    for entry in apart:
         if entry.columns:
             named = f"{entry.file}, {entry.layer}" if entry.layer else entry.file
             tables.setdefault(tuple(entry.columns), []).append(named)
@@ -164,6 +171,18 @@ def _columns(entries: Sequence[Entry]) -> Iterator[str]:
             for name, unit, meaning in columns
         ]
         yield from _pairs(pairs)
+    if joined:
+        files = " and ".join(entry.file for entry in joined)
+        text = f"{files}: the columns of the layers above that they join, in `layer` by name"
+        yield from textwrap.wrap(text, _WIDTH)
+
+
+def _is_joined(entry: Entry, entries: Sequence[Entry]) -> bool:
+    """Whether a file joins features of others, whose columns are told there."""
+    names = {name for name, _, _ in entry.columns}
+    others = [other for other in entries if other.file != entry.file and other.layer]
+    told = {name for other in others for name, _, _ in other.columns}
+    return _LAYER in names and names <= told | _OF_JOINED
 
 
 def _suffix(file: str) -> str:

@@ -216,11 +216,12 @@ def _columns(spec: Spec, output: str, layer: Table | Vector) -> tuple[tuple[str,
     Shares that reports show in percent are shares of 1 there.
     """
     declared = columns_in(spec.results[output].columns, layer)
+    said = {name: column for name, column in declared.items() if column.heading or column.meaning}
     told = []
     for name, values in layer.frame.items():
         if isinstance(layer, Vector) and name == layer.frame.geometry.name:
             continue
-        how = column_of(str(name), values, {n: c for n, c in declared.items() if c.heading})
+        how = column_of(str(name), values, said)
         unit = how.unit if how.factor == 1 else "1; % in the report" if how.unit == "%" else ""
-        told.append((str(name), unit, how.heading))
+        told.append((str(name), unit, how.meaning or how.heading))
     return tuple(told)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from scenes.layers import NORTH, WEST, cloud
 
 from algorithms.surface.land_cover import SurfaceLandCover
+from toolbox.data import Raster
+from toolbox.data.asprs import COLOURS
+from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError, NothingToDo, ParameterError
 
 
@@ -69,3 +75,35 @@ def test_cells_wider_than_the_data_are_told_and_larger_ones_refused(
     assert "one cell of 5000 m holds all points" in caplog.text
     with pytest.raises(ParameterError, match="cell: must be > 0 and <= 10000 m, got 1000000000"):
         SurfaceLandCover(points=points, cell=1e9)
+
+
+def test_the_file_has_colours_and_names_of_its_classes_and_no_heights(tmp_path: Path) -> None:
+    """As a GIS reads them: GDAL, from the file and what stands beside it."""
+    import rasterio
+    from rasterio.enums import ColorInterp
+
+    places = at(*((0.5 + k, 0.5 + row) for k in range(40) for row in range(30)))
+    points = cloud(places, [2, 6, 9] * 400)
+    raster = SurfaceLandCover(points=points.with_crs(parse_crs("EPSG:28992+5709"))).run().cover
+    for name, cog in (("a.tif", False), ("b.tif", True)):
+        raster.save(tmp_path / name, cog=cog)
+        with rasterio.open(tmp_path / name) as source:
+            assert source.colorinterp == (ColorInterp.palette,)
+            colours = source.colormap(1)
+            assert source.units == ("1",), "not metres, as a CRS with heights makes of it"
+        for number in (2, 6, 9):
+            assert "#{:02x}{:02x}{:02x}".format(*colours[number]) == COLOURS[number]
+        beside = ElementTree.parse(tmp_path / f"{name}.aux.xml")
+        names = [item.text or "" for item in beside.iter("Category")]
+        assert {number: names[number] for number in (2, 6, 9)} == {
+            2: "Ground",
+            6: "Building",
+            9: "Water",
+        }
+        again = Raster.open(tmp_path / name)
+        np.testing.assert_array_equal(again.values, raster.values)
+        assert {path.name for path in Raster.own_files(tmp_path / name) if path.exists()} == {
+            name,
+            f"{name}.aux.xml",
+        }
+    assert not list(tmp_path.glob(".plain*"))

@@ -113,7 +113,6 @@ def test_objects_have_a_folder_and_a_colour_for_each_severity(tmp_path: Path) ->
 
 
 COLUMNS = {
-    "object_id": Column("Object"),
     "clearance": Column("Clearance", "m", 2),
     "seen": Column("Seen", "%", 0, 100.0),
     "rule": Column("Rule"),
@@ -129,7 +128,7 @@ def told(path: Path) -> list[str]:
 
 def test_balloons_have_headings_units_and_no_more_than_fits(tmp_path: Path) -> None:
     rows: dict[str, list[object]] = {
-        "object_id": [7, 8],
+        "object_id": [7.0, float("nan")],
         "rule": ["a < b", None],
         "clearance": [0.2179, 3.0],
         "seen": [0.5, 1.0],
@@ -142,6 +141,7 @@ def test_balloons_have_headings_units_and_no_more_than_fits(tmp_path: Path) -> N
     layer.save(tmp_path / "a.kmz", headings={"": COLUMNS})
     first, second = told(tmp_path / "a.kmz")
     assert "<td>Clearance</td><td>0.22 m</td>" in first
+    assert "<td>Object</td><td>7</td>" in first, "whole, though another layer has none"
     assert "<td>Seen</td><td>50 %</td>" in first
     assert "<td>Rule</td><td>a &lt; b</td>" in first
     assert "<td>Found</td><td>yes</td>" in first

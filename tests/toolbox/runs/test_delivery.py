@@ -44,8 +44,12 @@ deliver:
     - {file: top.tif, from: surface, cog: true, help: Highest points}
     - {file: lines.gpkg, from: lines.contours, layer: contours, help: Lines}
     - {file: lines.kmz, from: named.merged, help: Lines for Google Earth}
+    - {file: lines.dxf, from: named.merged, help: Lines for CAD}
 """
-FILES = {"README.txt", "report.html", "tables.xlsx", "top.tif", "lines.gpkg", "lines.kmz"}
+FILES = {
+    *("README.txt", "report.html", "tables.xlsx", "top.tif"),
+    *("lines.gpkg", "lines.kmz", "lines.dxf"),
+}
 
 
 def hill(crs: str = "EPSG:32635") -> PointCloud:
@@ -74,7 +78,7 @@ def names(folder: Path) -> set[str]:
     return {
         path.name
         for path in folder.iterdir()
-        if not path.name.endswith((".kmz.json", ".xlsx.json"))
+        if not path.name.endswith((".kmz.json", ".xlsx.json", ".dxf.json"))
     }
 
 
@@ -97,7 +101,13 @@ def test_the_set_is_written_and_named_in_words(model: str, points: Path, tmp_pat
     ):
         assert words in text
     assert "Hill of Delft" in (tmp_path / "out" / "report.html").read_text()
-    assert "\nlines.gpkg, contours\n    elevation  Elevation\n" in text
+    assert "\nlines.gpkg, contours\n    elevation  Elevation [m]\n" in text
+    drawing = text.partition("\nDrawings\n")[2].partition("\nColumns\n")[0]
+    assert "lines.dxf: in metres; layer, colour (its number in CAD) [features]" in drawing
+    assert "    contours        green (3) [6]\n    contours_index  blue (5) [1]\n" in drawing
+    joined = "lines.kmz and lines.dxf: the columns of the layers above that they join"
+    assert joined in text
+    assert "\nlines.kmz\n    " not in text, "columns are told once"
 
 
 def test_options_of_a_file_are_those_of_its_format(

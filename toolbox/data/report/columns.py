@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +33,7 @@ class Column:
         heights and areas of features have; of a share that is shown as percent "%"
     digits : after the decimal point; by the size of the numbers unless given
     factor : that makes numbers in this unit of those in the table
+    meaning : what files say of a column whose heading says too little, or that has none
 
     Examples
     --------
@@ -44,6 +45,7 @@ class Column:
     unit: str = ""
     digits: int | None = None
     factor: float = 1.0
+    meaning: str = ""
 
     def text(self, value: Any, digits: int | None = None) -> str:
         """A value of the column as it is shown, with its own digits unless others are given.
@@ -90,7 +92,7 @@ def column_of(name: str, values: pd.Series[Any], declared: Mapping[str, Column])
     """How a column is shown: as declared, else by its name and its numbers."""
     found = declared.get(name) or COMMON.get(name) or _by_name(name)
     if found.digits is None and is_number(values) and values.dtype.kind == "f":
-        return Column(found.heading, found.unit, _digits(values, found.factor), found.factor)
+        return replace(found, digits=_digits(values, found.factor))
     return found
 
 

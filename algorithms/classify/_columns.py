@@ -17,6 +17,7 @@ BUILDINGS = {
     "form": Column("Form of the roof"),
     "confidence": Column("Confidence", "%", 0, 100.0),
     "squared": Column("Right angles"),
+    "sections": Column("Parts of the roof, between steps"),
 }
 TREES = {
     "id": Column("Tree"),

@@ -32,6 +32,7 @@ SQUARE = 0.85  # share of its bounding rectangle that a roof with four hips cove
 CELL = 1.0  # metres, of the cells in which sections are told apart
 BY_SPACING = 1.5  # times the spacing of points: the same where they are sparse
 STEP = 0.5  # metres, beyond what its slope explains, by which a surface steps
+ROOF = 10.0  # square metres of a section that counts: dormers are smaller, and so are sheds
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -67,10 +68,18 @@ class Roof(NamedTuple):
 
 
 class Section(NamedTuple):
-    """The largest part of a roof that has no step within, and its points at the border."""
+    """The largest part of a roof that has no step within, and its points at the border.
+
+    Attributes
+    ----------
+    roof : its points
+    border : array of shape (n,), those at its border
+    count : of the sections of the whole roof that are as large as roofs, at least this one
+    """
 
     roof: Roof
     border: Mask
+    count: int
 
     @property
     def eave(self) -> float:
@@ -94,14 +103,17 @@ def main_section(roof: Roof, spacing: float) -> Section:
     top, rise = np.full(lattice.shape, -np.inf), np.zeros(lattice.shape)
     np.maximum.at(top, (row, col), z)
     np.maximum.at(rise, (row, col), cell * np.tan(np.minimum(roof.slope, STEEPEST)))
-    largest = _largest(top, STEP + rise)
+    largest, sizes = _sections(top, STEP + rise)
     own = largest[row, col] & (z >= (top - STEP - rise)[row, col])
     inner = binary_erosion(largest, np.ones((3, 3), bool))
-    return Section(roof.select(own), ~inner[row, col][own])
+    count = int(np.count_nonzero(sizes * cell**2 >= ROOF))
+    return Section(roof.select(own), ~inner[row, col][own], max(count, 1))
 
 
-def _largest(top: Floats, step: Floats) -> Mask:
-    """True for the cells of the largest section; cells beside each other join without a step.
+def _sections(top: Floats, step: Floats) -> tuple[Mask, Ints]:
+    """The cells of the largest section, and the number of cells of each.
+
+    Cells beside each other join without a step.
 
     Parameters
     ----------
@@ -118,8 +130,9 @@ def _largest(top: Floats, step: Floats) -> Mask:
     links = coo_array((np.ones(len(i), bool), (i, j)), shape=(top.size, top.size))
     _, section = connected_components(links, directed=False)
     there = np.isfinite(top).ravel()
-    size = np.bincount(section, there)
-    return np.asarray((section == size.argmax()).reshape(top.shape) & there.reshape(top.shape))
+    size = np.bincount(section, there).astype(np.int64)
+    largest = (section == size.argmax()) & there
+    return np.asarray(largest.reshape(top.shape)), size
 
 
 def form(roof: Roof, outline: Any) -> str:

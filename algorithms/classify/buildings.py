@@ -61,7 +61,7 @@ SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is m
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 COLUMNS = (
     *("id", "area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "form"),
-    *("confidence", "squared"),
+    *("confidence", "squared", "sections"),
 )
 
 Floats = NDArray[np.float64]
@@ -104,8 +104,10 @@ class ClassifyBuildings:
     perimeter, number of points on planes of the roof; elevations of ground, of the eave of the main
     roof, of the ridge and mean of all the roof, and height of the ridge above the ground, in the
     unit of the data; form of the main roof (flat, monopitch, gable, hip, other); confidence, the
-    share of its points that lie on planes, less where ground is seen within; and whether the walls
-    were squared.
+    share of its points that lie on planes, less where ground is seen within; whether the walls
+    were squared; and sections, the parts of 10 m² or more into which steps of its surface divide
+    the roof. Houses that touch are one building, since points from above do not show the walls
+    between them: sections hint at it where their roofs differ in height.
 
     `radius`, `context` and `alpha` follow the density of the points unless they are given, and
     `flat` the noise of points on the ground where pulses have several returns; much noise is told.
@@ -177,7 +179,11 @@ class ClassifyBuildings:
                 return "No buildings were found."
             heights = frame["height"] / self.outlines.metre
             span = f"{heights.min():.1f} to {heights.max():.1f} m"
-            return f"Buildings: {len(frame)}, {span} high."
+            parts = int((frame["sections"] > 1).sum())
+            return (
+                f"Buildings: {len(frame)}, {span} high. Houses that touch are one building; "
+                f"with a roof in several parts: {parts}."
+            )
 
     def check(self) -> Iterator[tuple[str, str]]:
         """The size limits are in order."""
@@ -419,7 +425,7 @@ def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
 def heights(
     features: _evidence.PointFeatures, inside: NDArray[np.int64], shape: Any, lengths: Lengths
 ) -> dict[str, Any]:
-    """Elevations of the ground, eave, ridge and mean roof, height of the ridge, form of the roof.
+    """Elevations of ground, eave, ridge and mean roof, height of the ridge, form and sections.
 
     Points on walls do not count. The ridge is the highest hundredth, so that no chimney decides.
     """
@@ -436,6 +442,7 @@ def heights(
         "mean": float(roof.xyz[:, 2].mean()) * metre,
         "height": ridge - ground,
         "form": form(section.roof, shape),
+        "sections": section.count,
     }
 
 

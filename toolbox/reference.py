@@ -86,7 +86,7 @@ def columns(spec: Spec) -> str:
     parts = []
     for name, field in spec.outputs.items():
         rows = [
-            f"| `{key}` | {column.heading or 'for programs'} | {column.unit} |"
+            f"| `{key}` | {column.meaning or column.heading or 'for programs'} | {column.unit} |"
             for key, column in field.columns.items()
         ]
         if rows:

@@ -74,12 +74,12 @@ class Section(NamedTuple):
     ----------
     roof : its points
     border : array of shape (n,), those at its border
-    count : of the sections of the whole roof that are as large as roofs, at least this one
+    parts : number of the sections of the whole roof that are as large as roofs, at least this one
     """
 
     roof: Roof
     border: Mask
-    count: int
+    parts: int
 
     @property
     def eave(self) -> float:

@@ -442,7 +442,7 @@ def heights(
         "mean": float(roof.xyz[:, 2].mean()) * metre,
         "height": ridge - ground,
         "form": form(section.roof, shape),
-        "sections": section.count,
+        "sections": section.parts,
     }
 
 

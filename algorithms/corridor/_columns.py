@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from toolbox.data.report import Column
 
-
 LENGTHS = {
     "clearance": Column("Clearance", "m", 2),
     "clearance_low": Column("Clearance, least at other temperatures", "m", 2),
@@ -88,28 +87,28 @@ CROSSINGS = {
     "other_chainage": Column("Along the other span", "m", 1),
 }
 
-_OF_CURVES: dict[str, dict[str, str]] = {  # in files only; u runs along the axis, v to its left
-    "bundle_id": {"meaning": "Number of the bundle in the span"},
-    "x0": {"meaning": "Easting of the start of the axis of the wire, u = 0", "unit": "unit"},
-    "y0": {"meaning": "Northing of the start of the axis of the wire", "unit": "unit"},
-    "u0": {"meaning": "Lowest point of the catenary, along the axis", "unit": "m"},
-    "z0": {"meaning": "Lowest point of the catenary, elevation", "unit": "unit"},
-    "v0": {"meaning": "Offset from the axis: v = v0 + v1 u", "unit": "m"},
-    "v1": {"meaning": "Offset from the axis for each metre along it", "unit": "m/m"},
-    "curvature": {"meaning": "1 / c", "unit": "1/m"},
-    "var_start": {"meaning": "Variance of the elevation at the start", "unit": "m²"},
-    "var_end": {"meaning": "Variance of the elevation at the end", "unit": "m²"},
-    "var_curv": {"meaning": "Variance of the curvature", "unit": "1/m²"},
-    "cov_start_end": {"meaning": "Covariance of both elevations", "unit": "m²"},
-    "cov_start_curv": {"meaning": "Covariance of elevation at the start and curvature"},
-    "cov_end_curv": {"meaning": "Covariance of elevation at the end and curvature"},
-    "sd_c": {"meaning": "Standard deviation of c", "unit": "m"},
-    "sd_u0": {"meaning": "Standard deviation of u0", "unit": "m"},
-    "sd_z0": {"meaning": "Standard deviation of z0", "unit": "m"},
+_OF_CURVES = {  # in files only; u runs along the axis, v to its left
+    "bundle_id": Column("", meaning="Number of the bundle in the span"),
+    "x0": Column("", "unit", meaning="Easting of the start of the axis of the wire, u = 0"),
+    "y0": Column("", "unit", meaning="Northing of the start of the axis of the wire"),
+    "u0": Column("", "m", meaning="Lowest point of the catenary, along the axis"),
+    "z0": Column("", "unit", meaning="Lowest point of the catenary, elevation"),
+    "v0": Column("", "m", meaning="Offset from the axis: v = v0 + v1 u"),
+    "v1": Column("", "m/m", meaning="Offset from the axis for each metre along it"),
+    "curvature": Column("", "1/m", meaning="1 / c"),
+    "var_start": Column("", "m²", meaning="Variance of the elevation at the start"),
+    "var_end": Column("", "m²", meaning="Variance of the elevation at the end"),
+    "var_curv": Column("", "1/m²", meaning="Variance of the curvature"),
+    "cov_start_end": Column("", "m²", meaning="Covariance of both elevations"),
+    "cov_start_curv": Column("", meaning="Covariance of elevation at the start and curvature"),
+    "cov_end_curv": Column("", meaning="Covariance of elevation at the end and curvature"),
+    "sd_c": Column("", "m", meaning="Standard deviation of c"),
+    "sd_u0": Column("", "m", meaning="Standard deviation of u0"),
+    "sd_z0": Column("", "m", meaning="Standard deviation of z0"),
 }
 
 WIRES = {
-    **{name: Column("", **how) for name, how in _OF_CURVES.items()},
+    **_OF_CURVES,
     "from_tower": SPANS["from_tower"],
     "to_tower": SPANS["to_tower"],
     "azimuth": Column("Azimuth", "°", 1),

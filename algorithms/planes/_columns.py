@@ -7,8 +7,7 @@ from toolbox.data.report import Column
 PLANES = {
     "plane_id": Column("Plane"),
     **{
-        f"normal_{axis}": Column("", meaning=f"Normal of the plane, along {axis}")
-        for axis in "xyz"
+        f"normal_{axis}": Column("", meaning=f"Normal of the plane, along {axis}") for axis in "xyz"
     },
     "offset": Column(
         "", "unit", meaning="Distance from the zero of the coordinates, along the normal"

@@ -22,6 +22,7 @@ from algorithms.shared.ground import taking_part, without_withheld
 from algorithms.shared.windows import between
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
+from toolbox.data.crs import vertical_unit
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
@@ -186,10 +187,16 @@ class PointsSurveyQuality:
         warn_of_strips(rms and rms / metre)
         warn_of_copies(xyz)
         return self.Outputs(
-            density=_raster(np.where(inside, density, np.nan), lattice, cloud, "density, 1/m2"),
-            strips=_raster(np.where(inside, numbers, np.nan), lattice, cloud, "strips"),
+            density=_raster(
+                np.where(inside, density, np.nan), lattice, cloud, "density, 1/m2", "1/m2"
+            ),
+            strips=_raster(np.where(inside, numbers, np.nan), lattice, cloud, "strips", "1"),
             strip_difference=_raster(
-                spread_of.reshape(lattice.shape), lattice, cloud, "difference of strips"
+                spread_of.reshape(lattice.shape),
+                lattice,
+                cloud,
+                "difference of strips",
+                vertical_unit(cloud.crs),
             ),
             pairs=Table(pairs),
             mean_density=mean / metre**2,
@@ -259,9 +266,9 @@ def _attribute(cloud: PointCloud, name: str, taken: NDArray[np.bool_], default: 
     return cloud[name][taken].astype(np.int64)
 
 
-def _raster(values: Array, lattice: Lattice, cloud: PointCloud, says: str) -> Raster:
+def _raster(values: Array, lattice: Lattice, cloud: PointCloud, says: str, unit: str) -> Raster:
     return Raster.from_lattice(
-        values.astype(np.float32), lattice, crs=cloud.crs, descriptions=(says,)
+        values.astype(np.float32), lattice, crs=cloud.crs, descriptions=(says,), units=(unit,)
     )
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 SUFFIX = ".city.json"
 GROUND, TOPS, HEIGHT = "ground", ("mean", "eave", "ridge"), "height"
 _SCALE = 0.001
+_APART = 0.01  # in the unit of the data: between a hole and the ring that it touches
 _SURFACES = ({"type": "GroundSurface"}, {"type": "RoofSurface"}, {"type": "WallSurface"})
 _FOOT, _ROOF, _WALL = range(3)
 
@@ -129,7 +130,7 @@ class _Places:
 
         The outer ring runs counterclockwise and holes clockwise, so all surfaces face outwards.
         """
-        flat = shapely.orient_polygons(shapely.force_2d(polygon))
+        flat = shapely.orient_polygons(_without_touching_holes(shapely.force_2d(polygon)))
         if high - low < _SCALE or flat.is_empty:
             return None
         rings = [self._ring(ring, low, high) for ring in (flat.exterior, *flat.interiors)]
@@ -151,6 +152,22 @@ class _Places:
         feet = [self._number(x, y, low) for x, y in xy]
         keep = [k for k in range(len(feet)) if feet[k] != feet[k - 1]]
         return [feet[k] for k in keep], [self._number(xy[k, 0], xy[k, 1], high) for k in keep]
+
+
+def _without_touching_holes(polygon: Any) -> Any:
+    """The polygon with holes that touch another ring drawn in a little.
+
+    A block of it would have an edge at which four walls meet, which is no solid.
+    """
+    rings = [polygon.exterior, *polygon.interiors]
+    holes = []
+    for number, ring in enumerate(rings[1:], start=1):
+        hole = shapely.Polygon(ring)
+        others = [other for k, other in enumerate(rings) if k != number]
+        if shapely.distance(ring, others).min() < 2 * _SCALE:
+            hole = hole.buffer(-_APART, join_style="mitre")
+        holes += [part.exterior for part in shapely.get_parts(hole).tolist() if not part.is_empty]
+    return shapely.Polygon(polygon.exterior, holes)
 
 
 def _metadata(crs: CRS | None, places: _Places) -> dict[str, Any]:

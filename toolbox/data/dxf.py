@@ -44,8 +44,17 @@ _OF_LABELS = "_labels"  # how layers of texts end, which have the colour of what
 _COLOURS = 3, 5, 6, 4, 200, 8, 94, 22  # of layers in turn, as numbers of AutoCAD
 _OF_SEVERITY = {"critical": 1, "warning": 30, "watch": 52}
 _NAMES = {  # of colours, for people
-    **{1: "red", 3: "green", 4: "cyan", 5: "blue", 6: "magenta", 8: "grey", 200: "violet"},
-    **{22: "brown", 30: "orange", 52: "dark yellow", 94: "dark green"},
+    1: "red",
+    3: "green",
+    4: "cyan",
+    5: "blue",
+    6: "magenta",
+    8: "grey",
+    22: "brown",
+    30: "orange",
+    52: "dark yellow",
+    94: "dark green",
+    200: "violet",
 }
 _HEAVY = 35  # hundredths of a millimetre: lines of index contours on paper
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
@@ -174,8 +183,9 @@ def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
     drawing.header["$PDMODE"], drawing.header["$PDSIZE"] = _CROSS, _SHARE
     space = drawing.modelspace()
     for name, (colour, _) in layers_of(frame, path, layer).items():
-        heavy = name.endswith(_OF_INDEX)
-        drawing.layers.add(name, color=colour, **({"lineweight": _HEAVY} if heavy else {}))
+        made = drawing.layers.add(name, color=colour)
+        if name.endswith(_OF_INDEX):
+            made.dxf.lineweight = _HEAVY
     for row, geometry in zip(_rows(frame), frame.geometry, strict=True):
         how = {"layer": _layer_name(row, layer, path)}
         texts = _texts(row, path)

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 from toolbox.data import geopackage
@@ -115,10 +115,11 @@ def _describe(
     if not columns:
         return
     how = {name: _shown(name, rows[name], columns) for name in _first(rows, columns)}
+    there = rows[list(how)].notna().to_dict("records")
     told = rows[list(how)].to_dict("records")
     places = document.iter(f"{{{_SPACE}}}Placemark")
-    for place, row in zip(places, told, strict=True):
-        words = {n: how[n].text(value) for n, value in row.items() if not _missing(value)}
+    for place, row, known in zip(places, told, there, strict=True):
+        words = {name: how[name].text(row[name]) for name in how if known[name]}
         cells = (
             f"<tr><td>{html.escape(how[n].heading)}</td>"
             f"<td>{html.escape(f'{text} {how[n].unit}'.rstrip())}</td></tr>"
@@ -139,7 +140,7 @@ def _first(rows: geopandas.GeoDataFrame, columns: Mapping[str, Column]) -> list[
     return [name for name in names if name in rows and name in headed and headed[name].heading]
 
 
-def _shown(name: str, values: pd.Series, columns: Mapping[str, Column]) -> Column:
+def _shown(name: str, values: pd.Series[Any], columns: Mapping[str, Column]) -> Column:
     """How a column is shown; whole numbers of a layer that others have joined are whole again."""
     found = column_of(name, values, columns)
     known = values.dropna()
@@ -147,12 +148,6 @@ def _shown(name: str, values: pd.Series, columns: Mapping[str, Column]) -> Colum
     if usual.digits is None and values.dtype.kind == "f" and (known == known.round()).all():
         return replace(found, digits=0)
     return found
-
-
-def _missing(value: object) -> bool:
-    import pandas as pd
-
-    return bool(pd.isna(value))
 
 
 def _by_severity(

@@ -259,10 +259,11 @@ class Vector(Layer):
         although RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its
         features in space. KML is always in WGS 84, so that a layer is transformed to it, heights
         in metres; points and lines are drawn at theirs, outlines on the ground, with names and
-        colours; KMZ is the same, packed, with folders. DXF has a unit, but no CRS. PLY is a mesh of polygons
-        with heights, CSV a table with x, y and z of points or the WKT of others, both without a
-        CRS. CityJSON makes blocks of outlines of buildings with the heights of ground and roof
-        (`toolbox.data.cityjson`), IFC walls with openings of an elevation (`toolbox.data.ifc`).
+        colours; KMZ is the same, packed, with folders. DXF has a unit, but no CRS. PLY is a mesh of
+        polygons with heights, CSV a table with x, y and z of points or the WKT of others, both
+        without a CRS. CityJSON makes blocks of outlines of buildings with the heights of ground and
+        roof (`toolbox.data.cityjson`), IFC walls with openings of an elevation
+        (`toolbox.data.ifc`).
         These two and KMZ are not read again. What a Shapefile cannot hold stands in
         `toolbox.data.shapefile`.
 

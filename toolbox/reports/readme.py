@@ -172,8 +172,8 @@ def _columns(entries: Sequence[Entry]) -> Iterator[str]:
         ]
         yield from _pairs(pairs)
     if joined:
-        files = " and ".join(entry.file for entry in joined)
-        text = f"{files}: the columns of the layers above that they join, in `layer` by name"
+        named = " and ".join(entry.file for entry in joined)
+        text = f"{named}: the columns of the layers above that they join, in `layer` by name"
         yield from textwrap.wrap(text, _WIDTH)
 
 
@@ -182,7 +182,8 @@ def _is_joined(entry: Entry, entries: Sequence[Entry]) -> bool:
     names = {name for name, _, _ in entry.columns}
     others = [other for other in entries if other.file != entry.file and other.layer]
     told = {name for other in others for name, _, _ in other.columns}
-    return _LAYER in names and names <= told | _OF_JOINED
+    own = names - _OF_JOINED
+    return _LAYER in names and bool(own) and own <= told
 
 
 def _suffix(file: str) -> str:

@@ -103,12 +103,12 @@ def test_a_section_ends_where_the_surface_steps() -> None:
     assert len(section.roof.xyz) == pytest.approx(np.count_nonzero(~low), rel=0.08)
     assert (section.roof.xyz[:, 0] <= 14).all()
     assert section.eave == pytest.approx(8.3, abs=0.3)
-    assert section.count == 2
+    assert section.parts == 2
     level = xyz + np.where(low, 2.0, 0.0)[:, None] * (0, 0, 1)
-    assert main_section(Roof(level, normal), 0.3).count == 1
+    assert main_section(Roof(level, normal), 0.3).parts == 1
     few = x > 19.6  # 8 m²: no roof of its own
     small = xyz + np.where(low, 2.0, 0.0)[:, None] * (0, 0, 1) - few[:, None] * (0, 0, 2.0)
-    assert main_section(Roof(small, normal), 0.3).count == 1
+    assert main_section(Roof(small, normal), 0.3).parts == 1
 
 
 def test_houses_that_touch_are_one_building_and_its_roofs_are_counted() -> None:

@@ -36,6 +36,15 @@ def test_density_and_spacing_of_pulses() -> None:
     assert found.strip_rms is None
 
 
+def test_rasters_have_units_of_their_own() -> None:
+    """Without one, GDAL takes that of the heights of the CRS."""
+    crs = CRS("EPSG:28992+5709")
+    points = PointCloud.concat([strip(1, 0, 20), strip(2, 10, 30)]).with_crs(crs)
+    found = PointsSurveyQuality(points=points).run()
+    units = [layer.units for layer in (found.density, found.strips, found.strip_difference)]
+    assert units == [("1/m2",), ("1",), ("metre",)]
+
+
 def test_later_returns_are_no_pulses() -> None:
     found = quality(strip(1, 0, 40), strip(1, 0, 40, -2.0, return_number=2), cell=2.0)
     assert found.mean_density == pytest.approx(4.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,13 @@ def test_light_on_planes(east: float, north: float, settings: dict[str, Any], li
     for cell in (0.25, 3.0):
         found = shades(plane(east, north, cell), fraction=True, **settings)[1:-1, 1:-1]
         np.testing.assert_allclose(found, light, atol=1e-6)
+
+
+def test_it_has_no_unit_of_heights(tmp_path: Path) -> None:
+    """GDAL takes that of the CRS for a band without one."""
+    heights = raster(np.ones((5, 5))).with_crs(CRS("EPSG:28992+5709"))
+    SurfaceHillshade(surface=heights).run().hillshade.save(tmp_path / "a.tif")
+    assert Raster.open(tmp_path / "a.tif").units == ("1",)
 
 
 def test_four_lights_on_a_slope_to_the_west() -> None:

@@ -112,3 +112,83 @@ def test_what_is_no_building(layer: Vector, says: str, tmp_path: Path) -> None:
     with pytest.raises(DataError, match=says):
         layer.save(tmp_path / "a.city.json")
     assert not (tmp_path / "a.city.json").exists()
+
+
+def problems(model: dict[str, Any]) -> list[str]:
+    """What the schema of CityJSON 2.0 and the rules of ISO 19107 for solids do not allow here."""
+    found = _of_kinds(model)
+    places = [tuple(vertex) for vertex in model["vertices"]]
+    if len(set(places)) < len(places):
+        found.append("two vertices at one place")
+    if any(scale <= 0 for scale in model["transform"]["scale"]):
+        found.append("a scale that is not above 0")
+    rings = [ring for shell in shells(model) for surface in shell for ring in surface]
+    if any(len(set(ring)) < max(len(ring), 3) for ring in rings):
+        found.append("a ring with a vertex twice, or too few")
+    if {k for ring in rings for k in ring} != set(range(len(places))):
+        found.append("a vertex that nothing uses, or that is not there")
+    for shell in shells(model):
+        edges: Counter[tuple[int, int]] = Counter()
+        for surface in shell:
+            edges.update((ring[k - 1], ring[k]) for ring in surface for k in range(len(ring)))
+            corners = np.array([places[k] for ring in surface for k in ring], float)
+            flatness = np.linalg.svd(corners - corners.mean(axis=0))[1][2]
+            if flatness > 2 * len(corners):  # thousandths, to which corners are rounded
+                found.append("a surface that is not plane")
+        if any(count > 1 for count in edges.values()):
+            found.append("an edge twice in one direction")
+        if any((b, a) not in edges for a, b in edges):
+            found.append("a shell that is not closed")
+    return found
+
+
+def _of_kinds(model: dict[str, Any]) -> list[str]:
+    found = []
+    for building in model["CityObjects"].values():
+        for geometry in building["geometry"]:
+            solids = geometry["boundaries"]
+            kinds = geometry["semantics"]["values"]
+            if geometry["type"] == "Solid":
+                solids, kinds = [solids], [kinds]
+            counts = [[len(shell) for shell in solid] for solid in solids]
+            if counts != [[len(values) for values in each] for each in kinds]:
+                found.append("surfaces without a kind")
+            if {type(geometry["lod"])} != {str}:
+                found.append("a level of detail that is no text")
+    return found
+
+
+def test_a_town_is_a_valid_model(tmp_path: Path) -> None:
+    """Outlines with holes and parts, and one whose corners fall together at a thousandth."""
+    close = shapely.Polygon([(0, 0), (0.0002, 0.0002), (9, 0), (9, 9), (0, 9)])
+    shared = shapely.box(9, 0, 15, 9)  # has a wall in common with the one before
+    model = saved(town(LONE, YARD, PAIR, close, shared), tmp_path)
+    assert problems(model) == []
+    assert len(model["CityObjects"]) == 5
+    broken = json.loads(json.dumps(model))
+    shells(broken)[0].pop()
+    assert "a shell that is not closed" in problems(broken)
+    broken = json.loads(json.dumps(model))
+    broken["vertices"].append(broken["vertices"][0])
+    assert "two vertices at one place" in problems(broken)
+    broken = json.loads(json.dumps(model))
+    broken["vertices"][0][2] += 500
+    assert "a surface that is not plane" in problems(broken)
+
+
+@pytest.mark.parametrize(
+    "holes",
+    [
+        [[(0, 4), (3, 3), (3, 5)]],  # at the wall
+        [[(3, 3), (5, 3), (4, 5)], [(4, 5), (5, 7), (3, 7)]],  # at each other
+    ],
+)
+def test_holes_that_touch_at_a_point_are_drawn_in(holes: Any, tmp_path: Path) -> None:
+    """Such a polygon is valid, but its block has an upright edge that four walls share."""
+    touching = shapely.Polygon(shapely.box(0, 0, 9, 9).exterior, holes)
+    assert touching.is_valid
+    model = saved(town(touching), tmp_path)
+    assert problems(model) == []
+    (shell,) = shells(model)
+    assert len(shell[0]) == 1 + len(holes)
+    assert volume(model, shell) == pytest.approx(touching.area * 6.5, rel=0.01)

@@ -106,8 +106,8 @@ def test_a_section_ends_where_the_surface_steps() -> None:
     assert section.parts == 2
     level = xyz + np.where(low, 2.0, 0.0)[:, None] * (0, 0, 1)
     assert main_section(Roof(level, normal), 0.3).parts == 1
-    few = x > 19.6  # 8 m²: no roof of its own
-    small = xyz + np.where(low, 2.0, 0.0)[:, None] * (0, 0, 1) - few[:, None] * (0, 0, 2.0)
+    few = (x > 18) & (y < 4)  # 8 m²: no roof of its own
+    small = xyz + np.where(low, 2.0, 0.0)[:, None] * (0, 0, 1) - few[:, None] * (0, 0, 3.0)
     assert main_section(Roof(small, normal), 0.3).parts == 1
 
 

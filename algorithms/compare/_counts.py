@@ -81,7 +81,8 @@ class Counts:
         """(observed - chance) / (1 - chance); None when only one class occurs."""
         if not self.total or (chance := self._chance) == 1:
             return None
-        return (1 - (self.b + self.c) / self.total - chance) / (1 - chance)
+        more = 1 - (self.b + self.c) / self.total - chance
+        return 0.0 if abs(more) <= ROUNDING else more / (1 - chance)
 
     @property
     def kappa_interval(self) -> tuple[float | None, float | None]:

@@ -283,7 +283,8 @@ class CompareAreas:
         for kind, shapes, first, second in kinds:
             parts, index = shapely.get_parts(shapes, return_index=True)
             area = shapely.area(parts)
-            parts, index, area = parts[area > 0], index[area > 0], area[area > 0]
+            largest = np.argsort(-area, kind="stable")[: np.count_nonzero(area > 0)]
+            parts, index, area = parts[largest], index[largest], area[largest]
             columns = {"kind": kind, "area": area}
             columns |= {"polygon": numbered(first[index]), "reference": numbered(second[index])}
             frames.append(geopandas.GeoDataFrame(columns, geometry=parts, crs=self.areas.crs))

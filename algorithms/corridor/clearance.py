@@ -406,7 +406,7 @@ class CorridorClearance:
             "Pairs of spans of different lines that are too close or near without a rule", unit="1"
         )
         low_object_count: int = sink(
-            "Objects left out as they are lower than min_object_height", unit="1"
+            "Objects left out as they are lower than the lowest object", unit="1"
         )
         points_0_20: int = sink(
             "Points of objects less than 20 m from a wire, as surveyed", unit="1"

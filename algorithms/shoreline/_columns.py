@@ -8,7 +8,7 @@ WATER = {
     "body": Column("Body"),
     "level": Column("Level", "unit", 3),
     "level_error": Column("Standard error of the level", "unit", 3),
-    "level_interval": Column("Half of its 95 % interval", "unit", 3),
+    "level_interval": Column("Uncertainty of the level (95 %)", "unit", 3),
     "slope": Column("Slope of the level", "", 6),
     "area": Column("Area", "m²", 0),
     "area_error": Column("Standard error of the area", "m²", 0),
@@ -17,7 +17,7 @@ WATER = {
     "islands": Column("Islands"),
     "uncertainty": Column("Standard error of the shore", "m", 2),
     "density": Column("Points on the water", "1/m²", 2),
-    "returned": Column("Share of pulses that are lost", "%", 0, 100.0),
+    "returned": Column("Returns, of those on the shore", "%", 0, 100.0),
     "darkness": Column("Darkness against the shore, 0 to 1", "", 2),
     "evidence": Column("What tells that it is water"),
 }

@@ -123,7 +123,7 @@ class ShorelineExtract:
         )
         level: float | None = sink("Level of the largest body given", unit="m")
         level_error: float | None = sink("Its standard error", unit="m")
-        level_interval: float | None = sink("Half width of its 95 % interval", unit="m")
+        level_interval: float | None = sink("Uncertainty of the level (95 %)", unit="m")
         area: float = sink("Area of all bodies given", unit="m2")
         count: int = sink("Number of bodies given", unit="1")
 

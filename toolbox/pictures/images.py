@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
@@ -33,6 +34,7 @@ _NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "
 _PIXELS = 1000  # at most, along the longer side of a map
 _MOST_DIGITS = 6  # after the point, of the ends of a ramp
 _MANY = 20  # more distinct values than this are no classes
+_OF_Z = re.compile(r"\bz \(\w+\)")
 LENGTHS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
 LENGTHS |= {"millimetre": "mm", "centimetre": "cm"}
 """Short names of units of length."""
@@ -109,7 +111,7 @@ def raster_image(raster: Raster, number: int = 1) -> Image:
     step = max(1, math.ceil(max(raster.shape) / _PIXELS))
     band = raster.band(number)[::step, ::step]
     text, unit = raster.descriptions[number - 1], raster.units[number - 1]
-    name, label = text.lower(), _label(text, unit)
+    name, label = text.lower(), _label(_in_words(text), unit)
     if raster.values.dtype.kind != "f" and _is_code(name) and len(found := _codes(band)) <= _MANY:
         classes = _table(found, POINT_CLASSES if "class" in name else {})
         return Image(_class_colours(band, classes), raster.bounds, classes)
@@ -117,6 +119,17 @@ def raster_image(raster: Raster, number: int = 1) -> Image:
         return _relief(band, raster.cell * step, raster.bounds, label)
     ramp = _ramp(name, band, label)
     return Image(_colours(band, ramp), raster.bounds, ramp)
+
+
+def _in_words(text: str) -> str:
+    """The name of a band for people: of heights not how their cells were made.
+
+    >>> _in_words("z (linear)"), _in_words("z (max) minus z (linear)"), _in_words("Slope")
+    ('Elevation', 'Difference of heights', 'Slope')
+    """
+    short = _OF_Z.sub("elevation", text)
+    short = "difference of heights" if short == "elevation minus elevation" else short
+    return short[:1].upper() + short[1:]
 
 
 def _is_code(name: str) -> bool:
@@ -230,7 +243,7 @@ def _looks_of_planes(cloud: PointCloud, show: Planes) -> Looks:
     """Name and colour of each plane, by number; those that the key leaves out are pale."""
     numbers = _codes(cloud[show.attribute].astype(np.float64))
     own = {number: (f"Plane {number}", _of_plane(number)) for number in numbers}
-    return own | ({0: ("None", "#c9c9c9")} if 0 in own else {})
+    return own | ({0: ("No plane", "#c9c9c9")} if 0 in own else {})
 
 
 def _of_plane(number: int) -> str:

@@ -29,7 +29,7 @@ def facts_of(
     layers = [layer for value in (*given.values(), *found.values()) for layer in _each(value)]
     facts = [("Date of the survey", survey_date(layers)), *_places(layers)]
     facts += [("Input", text) for text in _inputs(record)]
-    facts += [("Settings", text) for text in [_chosen(spec, record)] if text]
+    facts += [("Settings", text) for text in [chosen_settings(spec, record)] if text]
     facts += [("Made with", f"lidar-toolbox {__version__}, {spec.id}")]
     return tuple((name, text) for name, text in facts if text)
 
@@ -73,7 +73,7 @@ def _inputs(record: Record | None) -> Iterator[str]:
             yield f"{words.title_of(name)}: {', '.join(files[:_MOST_FILES])}{more}"
 
 
-def _chosen(spec: Spec, record: Record | None) -> str:
+def chosen_settings(spec: Spec, record: Record | None) -> str:
     """The settings that differ from their defaults, and those that must always be told."""
     if record is None:
         return ""
@@ -82,6 +82,6 @@ def _chosen(spec: Spec, record: Record | None) -> str:
         field = spec.inputs[name]
         default = None if field.required else field.to_json(field.default)
         if value is not None and (value != default or name in _ALWAYS):
-            unit = unit_text(field.unit)
+            unit = "" if isinstance(value, str) else unit_text(field.unit)
             parts.append(f"{field.title} {words.setting_text(value)} {unit}".strip())
     return "; ".join(parts)

@@ -12,7 +12,7 @@ from toolbox.data.report import Block, Head, Plot, unit_text
 from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
 from toolbox.reports import words
-from toolbox.reports.facts import facts_of
+from toolbox.reports.facts import chosen_settings, facts_of
 from toolbox.reports.maps import DRAWING, maps_of
 from toolbox.reports.space import space_of
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
 
+_MOST_INPUTS = 12  # files that are named on paper
 STRIP = 4  # times as long as wide, a map shows little
 
 
@@ -79,7 +80,7 @@ def page(
         ),
         *_sizes(spec, layers),
         *_settings(spec, record),
-        *([Section("How it was made", [record.text()], folded=True)] if record else []),
+        *_made(spec, record),
     ]
     summary, head = said(spec, found, record, told)
     return Report(spec.title, sections, summary=summary, head=head, name=spec.id)
@@ -107,7 +108,7 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
     """
     facts = facts_of(spec, {}, record, {})
     head = Head(facts, _once(told.warnings if told else ()), report.head.unseen)
-    sections = [*report.sections, *_settings(spec, record)]
+    sections = [*report.sections, *_settings(spec, record), *_made(spec, record)]
     return Report(report.title, sections, summary=report.summary, head=head, name=report.name)
 
 
@@ -213,7 +214,34 @@ def _settings(spec: Spec, record: Record | None) -> list[Section]:
         for name, field in spec.inputs.items()
         if name in record.parameters
     ]
-    return [Section("Settings", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
+    settings = Section("Settings", [Rows(Table.from_rows(rows))], folded=True, printed=[])
+    return [settings] if rows else []
+
+
+def _made(spec: Spec, record: Record | None) -> list[Section]:
+    """Section with the whole record; on paper with what identifies tool and inputs alone."""
+    if record is None:
+        return []
+    files = [
+        {
+            "Input": words.title_of(name),
+            "File": item.file + (f" ({item.files} files)" if item.files > 1 else ""),
+            "Bytes": item.bytes,
+            "SHA-256": item.sha256,
+        }
+        for name, items in record.inputs.items()
+        for item in items
+    ]
+    chosen = chosen_settings(spec, record) or "none"
+    text = (
+        f"{spec.title} ({spec.id}), lidar-toolbox {record.version}. Settings other than the "
+        f"defaults: {chosen}. All settings and the sizes of all steps are on the page for browsers "
+        "and in the record that the files carry."
+    )
+    printed: list[Block] = [text]
+    if files:
+        printed.append(Rows(Table.from_rows(files), most_printed=_MOST_INPUTS))
+    return [Section("How it was made", [record.text()], folded=True, printed=printed)]
 
 
 def told_by(spec: Spec, result: Any) -> tuple[Sequence[str], Sequence[str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -125,8 +125,8 @@ def report_of(
     sections = [
         missing,
         Section("Kinds and their rules", _kind_list(coverage) if line.spans else []),
-        Section("Objects, the most urgent first", _list(listed)),
         Section("Map with numbers", _map(across, line, rules, objects, ctx.part(0.0, 0.3))),
+        Section("Objects, the most urgent first", _list(listed)),
         Section("Crossing lines", _crossing_list(crossings)),
         Section("Spans", _span_list(spans)),
         Section("Points near the wires", _zone_list(spans)),
@@ -216,7 +216,8 @@ def _list(listed: pd.DataFrame) -> list[Rows | str]:
     if not len(listed):
         return ["Nothing breaks a rule."]
     places = Vector(listed[[*LISTED, "geometry"]]).listed()
-    return [Rows(places, LIST_CAPTION, MOST_OBJECTS, columns.OBJECTS, "objects")]
+    rows = Rows(places, LIST_CAPTION, MOST_OBJECTS, columns.OBJECTS, "objects")
+    return [replace(rows, most_printed=MOST_OBJECTS)]
 
 
 def _crossing_list(crossings: pd.DataFrame) -> list[Rows | str]:

@@ -90,6 +90,15 @@ def test_similarity_of_the_thesis_to_the_last_digit(name: str) -> None:
 # Areas ----------------------------------------------------------------------------------------
 
 
+def test_differences_are_listed_the_largest_first() -> None:
+    """Slivers along an outline would fill the first page else."""
+    many = [box(20 * k, 0, 20 * k + 10, 10) for k in range(3)]
+    found = [box(20 * k + 1 + k % 2, 0, 20 * k + 10, 10) for k in range(3)]
+    out = compare(found, many)
+    omission = out.difference.frame.query("kind == 'omission'")
+    assert omission["area"].tolist() == pytest.approx([20, 10, 10])
+
+
 def test_two_squares_by_hand() -> None:
     """10 x 10 m against the same, 4 m to the east: 60 in common, 40 on either side."""
     out = compare(box(4, 0, 14, 10), box(0, 0, 10, 10))

@@ -120,6 +120,13 @@ def test_a_kappa_whose_formula_has_no_spread_has_no_limits() -> None:
     assert Counts(5, 0, 0, 0).kappa_interval == (None, None)
 
 
+def test_agreement_by_chance_is_a_kappa_of_zero() -> None:
+    """In binary numbers 1 - 0.9 - 0.1 is no zero, and -0 or -1e-16 was told."""
+    for cells in ((1, 9, 81, 729), (3, 27, 7, 63), (9, 1, 81, 9)):
+        assert Counts(*cells).kappa == 0
+        assert str(Counts(*cells).kappa) == "0.0"
+
+
 def test_a_class_that_the_reference_does_not_have_is_told(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

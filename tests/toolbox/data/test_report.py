@@ -12,6 +12,7 @@ import pytest
 
 from toolbox.data import Figure, Report, Rows, Section, Table
 from toolbox.data.record import MEMBER, read_record
+from toolbox.data.report import Column
 from toolbox.data.report.render import render
 from toolbox.errors import DataError
 
@@ -92,18 +93,84 @@ def test_no_text_of_a_record_ends_or_hides_the_page(text: str, tmp_path: Path) -
 
 def test_a_wide_table_is_printed_with_columns_as_wide_as_their_texts() -> None:
     rows = [
-        {"span": 5, "remark": "far from any wire, and of no kind that has a rule"}
-        | {f"measure_{k}": 1000.25 + k for k in range(9)}
-        for _ in range(3)
+        {"span": 5 + n, "remark": "far from any wire, and of no kind that has a rule" + "." * n}
+        | {f"measure_{k}": 1000.25 + k + n for k in range(9)}
+        for n in range(3)
     ]
     block = Rows(Table.from_rows(rows))
     widths = block.widths
     assert sum(widths) == pytest.approx(100)
     assert len(widths) == len(block.headings) == 11
-    # "Span" and "1000.25" with a gap of two, and 26 characters of the remark
-    assert widths[0] / widths[2] == pytest.approx((2 + 4) / (2 + 7))
-    assert widths[1] / widths[2] == pytest.approx((2 + 26) / (2 + 7))
+    # "Span" and "1000.25" with a gap of three, and 26 characters of the remark
+    assert widths[0] / widths[2] == pytest.approx((3 + 4) / (3 + 7))
+    assert widths[1] / widths[2] == pytest.approx((3 + 26) / (3 + 7))
     report = Report("Line", [Section("Spans", [block])])
     paper = render(report, style=None, logo=None, on_paper=True)
     assert paper.count("<col style=") == 11
     assert "<col style=" not in report.html()
+
+
+def wide(rows: int, **columns: Column) -> Rows:
+    """A table of twelve columns, in two of which all rows say the same."""
+    named = {f"measure_{k}": 10.0 + k for k in range(9)}
+    return Rows(
+        Table.from_rows(
+            {"span": n, "state": "survey", "unit": "metre"}
+            | {name: value + n for name, value in named.items()}
+            for n in range(rows)
+        ),
+        "All spans",
+        columns=columns,
+    )
+
+
+def test_what_all_rows_of_a_wide_table_say_is_said_once() -> None:
+    block = wide(3)
+    assert [column.heading for column, _ in block.headings_on(paper=False)][:2] == [
+        "Span",
+        "Measure 0",
+    ]
+    assert len(block.cells_on(paper=True)[0]) == 10
+    assert block.caption_on(paper=False) == "All spans. In all rows: State survey; Unit metre."
+    assert len(block.cells[0]) == 12  # as in workbooks
+
+
+def test_paper_leaves_out_details_of_a_wide_table_and_says_so() -> None:
+    block = wide(3, measure_8=Column("Detail", detail=True))
+    assert block.is_across is False
+    assert wide(3).is_across is True
+    assert len(block.columns_on(paper=False)) == len(block.columns_on(paper=True)) + 1
+    assert block.caption_on(paper=True).endswith(
+        "More columns are in the files and on the page for browsers."
+    )
+    few = Rows(
+        block.table.__class__(block.table.frame[["span", "measure_8"]]), columns=block.columns
+    )
+    assert [column.heading for column, _ in few.headings_on(paper=True)] == ["Span", "Detail"]
+
+
+def test_wide_tables_of_a_row_are_printed_as_a_list() -> None:
+    block = wide(1)
+    report = Report("Line", [Section("Spans", [block])])
+    paper = render(report, style=None, logo=None, on_paper=True)
+    assert "<dt>Measure 8</dt><dd>18.00 </dd>" in paper
+    assert 'class="across"' not in paper
+    assert "<table" not in paper
+    assert "<table" in report.html()
+
+
+def test_paper_shows_so_many_rows_as_it_says() -> None:
+    block = Rows(Table.from_rows([{"n": n} for n in range(100)]), "Numbers")
+    assert len(block.cells_on(paper=True)) == 40
+    assert block.caption_on(paper=True) == "Numbers (the first 40 of 100 rows)"
+    assert block.caption_on(paper=False) == "Numbers"
+
+
+def test_paper_has_what_a_section_says_for_it() -> None:
+    told = Section("How", ["long"], folded=True, printed=["short"])
+    none = Section("Settings", ["all"], folded=True, printed=[])
+    paper = render(Report("Line", [told, none]), style=None, logo=None, on_paper=True)
+    assert "short" in paper
+    assert "<p>long" not in paper
+    assert "Settings" not in paper
+    assert "<p>long" in Report("Line", [told]).html()

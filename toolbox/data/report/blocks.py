@@ -18,10 +18,13 @@ if TYPE_CHECKING:
 _MOST_ROWS = 500  # of a table; all of them are in the file of the layer
 _SHORT = 10  # rows that are shown before all are asked for
 _FEW_ROWS = 15  # of a table that is not cut on paper
-_GAP = 2  # characters between the columns of a printed table
+_GAP = 3  # characters between the columns of a printed table
 _LONGEST_WORD = 11  # characters of a heading before it is hyphenated in print
 _LONGEST_TEXT = 26  # characters of a text in print before it goes on in another line
 _WIDE = 9  # columns; a table of more is printed on a page of its own, across
+_MOST_PRINTED = 40  # rows, most of a page; all of them are in the file of the layer
+_NAMING = 1  # column that says which row it is, and is shown also where all rows are alike
+_FEW_FACTS = 2  # rows of a wide table that are printed one after the other, as lists of facts
 
 
 @dataclass(frozen=True)
@@ -59,12 +62,14 @@ class Rows:
     most : rows to show
     columns : how columns are shown, by name; others by their names, see `Column`
     layer : name of the layer on the map of which each row is a feature; "" for none
+    short : rows that are shown before all are asked for
+    most_printed : rows on paper
 
     Examples
     --------
     >>> rows = Rows(Table.from_rows([{"class": 2}, {"class": 6}]), most=1)
-    >>> rows.cells, rows.left_out
-    ([['2']], 1)
+    >>> rows.cells, rows.caption_on(paper=False)
+    ([['2']], '(the first 1 of 2 rows)')
     """
 
     table: Table
@@ -73,6 +78,7 @@ class Rows:
     columns: Mapping[str, Column] = field(default_factory=dict)
     layer: str = ""
     short: int = _SHORT
+    most_printed: int = _MOST_PRINTED
 
     @cached_property
     def shown(self) -> pd.DataFrame:
@@ -89,11 +95,6 @@ class Rows:
     def row_digits(self) -> list[int] | None:
         """Digits of the numbers of each row that is shown, if each has a unit of its own."""
         return row_digits(self.table.frame)
-
-    @property
-    def left_out(self) -> int:
-        """Number of rows that are not shown."""
-        return max(len(self.table) - self.most, 0)
 
     @property
     def folded(self) -> int:
@@ -138,15 +139,69 @@ class Rows:
         ]
         return [list(row) for row in zip(*texts, strict=True)]
 
+    @cached_property
+    def alike(self) -> list[int]:
+        """The columns of a wide table in which all rows say the same: it is said once, above."""
+        if not self.is_wide or len(self.cells) <= _FEW_FACTS:
+            return []
+        columns = list(zip(*self.cells, strict=True))
+        return [k for k in range(_NAMING, len(columns)) if len(set(columns[k])) == 1]
+
+    @property
+    def said_once(self) -> str:
+        """What all rows have in common, for a caption; "" for nothing."""
+        told = [(self.headings[k][0], self.cells[0][k]) for k in self.alike]
+        parts = [f"{how.heading} {text} {how.unit}".strip() for how, text in told if text]
+        return f"In all rows: {'; '.join(parts)}." if parts else ""
+
+    def columns_on(self, *, paper: bool) -> list[int]:
+        """The columns that are shown: on paper without those that only a detail needs."""
+        return [
+            k
+            for k, (how, _) in enumerate(self.headings)
+            if k not in self.alike and not (paper and self.is_wide and how.detail)
+        ]
+
+    def headings_on(self, *, paper: bool) -> list[tuple[Column, bool]]:
+        """The headings of these columns."""
+        return [self.headings[k] for k in self.columns_on(paper=paper)]
+
+    def cells_on(self, *, paper: bool) -> list[list[str]]:
+        """The texts of these columns; on paper of the first rows alone."""
+        columns = self.columns_on(paper=paper)
+        rows = self.cells[: self.most_printed] if paper else self.cells
+        return [[row[k] for k in columns] for row in rows]
+
+    def caption_on(self, *, paper: bool) -> str:
+        """The caption, with what all rows have in common, and how many are shown."""
+        most = min(self.most, self.most_printed) if paper else self.most
+        more = f" (the first {most} of {len(self.table)} rows)" if len(self.table) > most else ""
+        parts = [f"{self.caption}{more}".strip(), self.said_once]
+        if paper and len(self.columns_on(paper=True)) < len(self.columns_on(paper=False)):
+            parts.append("More columns are in the files and on the page for browsers.")
+        told = [part for part in parts if part]
+        return " ".join([*(f"{part.rstrip('.')}." for part in told[:-1]), *told[-1:]])
+
+    @property
+    def is_list(self) -> bool:
+        """Whether it is printed as lists of facts: many columns of a row or two."""
+        return self.is_wide and 0 < len(self.cells) <= _FEW_FACTS
+
+    @property
+    def is_across(self) -> bool:
+        """Whether it is printed on a page across."""
+        return not self.is_list and len(self.columns_on(paper=True)) > _WIDE
+
     @property
     def widths(self) -> list[float]:
         """Share of the width of a page that each column needs, in percent: by its longest text.
 
         Headings break between words, and long texts in lines.
         """
-        headings = [f"{how.heading} [{how.unit}]".split() for how, _ in self.headings]
+        headings = [f"{c.heading} [{c.unit}]".split() for c, _ in self.headings_on(paper=True)]
         words = [max(len(word) for word in heading) for heading in headings]
-        texts = [max(map(len, column)) for column in zip(*self.cells, strict=True)] or words
+        columns = zip(*self.cells_on(paper=True), strict=True)
+        texts = [max(map(len, column)) for column in columns] or words
         most = [
             _GAP + max(min(word, _LONGEST_WORD), min(text, _LONGEST_TEXT))
             for word, text in zip(words, texts, strict=True)
@@ -182,6 +237,7 @@ class Section:
     Attributes
     ----------
     folded : shown when it is asked for, and on paper
+    printed : what stands on paper in place of the blocks; nothing if it is empty
 
     Examples
     --------
@@ -192,11 +248,17 @@ class Section:
     title: str
     blocks: Sequence[Block]
     folded: bool = False
+    printed: Sequence[Block] | None = None
+
+    def blocks_on(self, *, paper: bool) -> Sequence[Block]:
+        """What is in it, in a browser or on paper."""
+        return self.blocks if self.printed is None or not paper else self.printed
 
     @property
-    def is_wide(self) -> bool:
+    def is_across(self) -> bool:
         """Whether it begins with a table that is printed on a page across."""
-        return bool(self.blocks) and isinstance(first := self.blocks[0], Rows) and first.is_wide
+        blocks = self.blocks_on(paper=True)
+        return bool(blocks) and isinstance(first := blocks[0], Rows) and first.is_across
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ class Column:
     digits : after the decimal point; by the size of the numbers unless given
     factor : that makes numbers in this unit of those in the table
     meaning : what files say of a column whose heading says too little, or that has none
+    detail : whether a wide table does without it on paper
 
     Examples
     --------
@@ -46,6 +47,7 @@ class Column:
     digits: int | None = None
     factor: float = 1.0
     meaning: str = ""
+    detail: bool = False
 
     def text(self, value: Any, digits: int | None = None) -> str:
         """A value of the column as it is shown, with its own digits unless others are given.

@@ -6,15 +6,18 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part, without_withheld
 from algorithms.shared.lowest import tell_of_one_cell
+from algorithms.shared.polygons import cells_within, polygons
 from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context, log
-from toolbox.data import Lattice, PointCloud, Raster, Table
+from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.asprs import CLASSES
+from toolbox.data.crs import crs_conflict
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
@@ -22,6 +25,7 @@ from toolbox.errors import NothingToDo
 Ints = NDArray[np.int64]
 CODES = 256  # that a class of LAS may have
 NONE = 0  # value of cells without a class
+WATER = 9
 
 
 @tool(
@@ -38,9 +42,12 @@ class SurfaceLandCover:
     vegetation, 6 building, 9 water), 0 for none; the table has the area of each. Points of class
     0, never classified, take no part. The file has the colours of the classes, and the file beside
     it that ends in .aux.xml their names, so that a GIS shows both.
+
+    Water often swallows the pulses. With `water`, cells in it that are still empty are water.
     """
 
     points: PointCloud = source("Classified points")
+    water: Vector | None = source("Polygons of water, as of shoreline.extract", default=None)
     cell: float = parameters.cell()
     max_gap: float = param(
         "Leave empty what lies farther than this from any point",
@@ -71,9 +78,14 @@ class SurfaceLandCover:
             return f"Seen from above: {', '.join(parts)}."
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The points have classes."""
+        """The points have classes, and the water has their CRS."""
+        name = self.points.name
         if "classification" not in self.points:
-            yield "points", f"{self.points.name} has no classification; classify them first"
+            yield "points", f"{name} has no classification; classify them first"
+        if self.water is not None and (
+            text := crs_conflict(self.water.crs, self.points.crs, heights=False)
+        ):
+            yield "water", f"{self.water.name or 'the layer'} {text} of {name}"
 
     def halo(self) -> float:
         """Infinite, as the table is of the whole."""
@@ -104,6 +116,10 @@ class SurfaceLandCover:
         ctx.progress(0.6)
         cover = found.reshape(lattice.shape)
         cover = filled(cover, cover == NONE, self.max_gap / lattice.cell)
+        for shape in polygons(self.water, "water") if self.water is not None else ():
+            rows, cols = cells_within(shapely.force_2d(shape), lattice)
+            empty = cover[rows, cols] == NONE
+            cover[rows[empty], cols[empty]] = WATER
         raster = Raster(
             cover.astype(np.uint8),
             lattice.transform,

@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
+import geopandas
 import numpy as np
 import pytest
+import shapely
 from scenes.layers import NORTH, WEST, cloud
 
 from algorithms.surface.land_cover import SurfaceLandCover
-from toolbox.data import Raster
+from toolbox.data import Raster, Vector
 from toolbox.data.asprs import COLOURS
 from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError, NothingToDo, ParameterError
@@ -44,6 +46,23 @@ def test_small_gaps_take_the_nearest_class_and_wide_ones_stay() -> None:
     assert band[:3].tolist() == [2, 2, 2]
     assert np.isnan(band[3:7]).all()
     assert band[7:].tolist() == [6, 6, 6]
+
+
+def test_empty_cells_in_water_are_water_and_bridges_over_it_stay() -> None:
+    """A canal that swallows all pulses, 12 m wide, and a bridge of class 17 across it."""
+    points = cloud(at((0.5, 0.5), (1.5, 0.5), (7.5, 0.5), (14.5, 0.5)), [2, 2, 17, 2])
+    canal = shapely.box(WEST + 2, NORTH - 1, WEST + 14, NORTH)
+    water = Vector(geopandas.GeoDataFrame(geometry=[canal], crs=points.crs))
+    found = SurfaceLandCover(points=points, water=water, max_gap=0.0).run()
+    assert found.cover.band()[0].tolist() == [2, 2, *[9] * 5, 17, *[9] * 6, 2]
+    assert {row["name"]: row["area_m2"] for row in found.areas.rows()}["Water"] == 11
+
+
+def test_water_must_have_the_crs_of_the_points() -> None:
+    points = cloud(at((0.5, 0.5)), [2])
+    water = Vector(geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 1, 1)], crs=4326))
+    with pytest.raises(DataError, match="water"):
+        SurfaceLandCover(points=points, water=water).run()
 
 
 def test_noise_takes_no_part() -> None:

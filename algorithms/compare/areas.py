@@ -143,7 +143,7 @@ class CompareAreas:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
         polygons: Table = sink("One row per polygon of either layer")
         difference: Vector = sink(
-            "Polygons of the kinds agree, commission and omission",
+            "Polygons of the kinds agree, commission and omission, the largest first",
             show=show.Classes("kind", LOOKS),
             columns={
                 "kind": Column("Kind"),
@@ -283,12 +283,12 @@ class CompareAreas:
         for kind, shapes, first, second in kinds:
             parts, index = shapely.get_parts(shapes, return_index=True)
             area = shapely.area(parts)
-            largest = np.argsort(-area, kind="stable")[: np.count_nonzero(area > 0)]
-            parts, index, area = parts[largest], index[largest], area[largest]
+            parts, index, area = parts[area > 0], index[area > 0], area[area > 0]
             columns = {"kind": kind, "area": area}
             columns |= {"polygon": numbered(first[index]), "reference": numbered(second[index])}
             frames.append(geopandas.GeoDataFrame(columns, geometry=parts, crs=self.areas.crs))
         frame = pd.concat(frames, ignore_index=True)
+        frame = frame.sort_values("area", ascending=False, kind="stable", ignore_index=True)
         return Vector(frame, geometry_type="Polygon")
 
 

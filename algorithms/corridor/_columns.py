@@ -18,6 +18,7 @@ LENGTHS = {
 OBJECTS = {
     **LENGTHS,
     "object_id": Column("Object"),
+    "clump": Column("Clump"),
     "severity": Column("Severity"),
     "kind": Column("Kind"),
     "rule": Column("Rule"),

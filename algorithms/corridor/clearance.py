@@ -43,6 +43,7 @@ from algorithms.corridor._clearance.missed import (
 )
 from algorithms.corridor._clearance.objects import (
     FALLING,
+    clumps_of,
     falling_trees,
     objects_of,
     with_falls,
@@ -395,8 +396,12 @@ class CorridorClearance:
             columns=columns.SPANS,
         )
         report: Report = sink("Map, profile of each span, and objects in order of urgency")
-        object_count: int = sink("Objects too close to a wire, or that may fall on it", unit="1")
+        object_count: int = sink(
+            "Objects too close to a wire, or that may fall on it, of all severities", unit="1"
+        )
         critical_count: int = sink("Objects of severity critical", unit="1")
+        warning_count: int = sink("Objects of severity warning", unit="1")
+        watch_count: int = sink("Objects that are to be watched", unit="1")
         no_rule_count: int = sink("Objects near a wire for which there is no rule", unit="1")
         unsure_count: int = sink(
             "Wires near which points hang in mid-air that may be of the line; not in object_count",
@@ -510,7 +515,8 @@ class CorridorClearance:
             columns_of(self.wires, like),
         )
         lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
-        layer = object_layer(cloud, surroundings, line, rules, objects, like)
+        clumps = clumps_of(surroundings, objects, gap=metric.object_gap)
+        layer = object_layer(cloud, surroundings, line, rules, objects, clumps, like)
         missing = section(texts_of(self.wires, like))
         page = report_of(
             surroundings,
@@ -537,6 +543,8 @@ class CorridorClearance:
             report=page,
             object_count=len(objects) - severities.count(NO_RULE) - len(hanging),
             critical_count=severities.count(SEVERITIES[0]),
+            warning_count=severities.count("warning"),
+            watch_count=severities.count("watch"),
             no_rule_count=severities.count(NO_RULE),
             unsure_count=len(hanging),
             crossing_count=sum(one.rule >= 0 for one in crossings),

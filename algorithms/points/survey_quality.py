@@ -119,7 +119,8 @@ class PointsSurveyQuality:
                 + (
                     "."
                     if self.strip_rms is None
-                    else f", and differ there by {self.strip_rms:.3f} m (RMS) on flat ground."
+                    else f", and differ there by {self.strip_rms:.3f} m (RMS of all pairs "
+                    "together) on flat ground."
                 )
             )
             return (

@@ -236,7 +236,7 @@ def _add_vector(panels: list[Drawn], title: str, features: Coloured) -> None:
         and _same_ground(last, layer)
     ):
         panels[-1] = last.under(title, features)
-    else:
+    elif not panels or west < east or south < north:  # a single place alone is no map
         panels.append(
             Panel(title, layer.crs, in_proportion(bounds, margin=_MARGIN), None, (features,))
         )

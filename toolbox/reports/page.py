@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from toolbox.data import Figure, Report, Rows, Section, Table
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.data import Figure, PointCloud, Raster, Report, Rows, Section, Table
+from toolbox.data.asprs import CLASSES
+from toolbox.data.crs import describe_crs, height_system
 from toolbox.data.layer import Layer
-from toolbox.data.report import Block, Head, Plot, unit_text
+from toolbox.data.report import Block, Column, Head, Plot, unit_text
 from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
+from toolbox.pictures.images import LENGTHS
 from toolbox.reports import words
 from toolbox.reports.facts import chosen_settings, facts_of
 from toolbox.reports.maps import DRAWING, maps_of
@@ -20,6 +27,13 @@ if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
 
+_SHARE = {"Share": Column("Share", "%", 1, 100.0)}
+_OF_RASTERS = {
+    "Cell": Column("Cell", "", 2),
+    "Lowest": Column("Lowest", "", 2),
+    "Highest": Column("Highest", "", 2),
+    "Empty": Column("Empty cells", "%", 1, 100.0),
+}
 _MOST_INPUTS = 12  # files that are named on paper
 STRIP = 4  # times as long as wide, a map shows little
 
@@ -69,6 +83,8 @@ def page(
     listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}
     sections = [
         *_results(spec, found),
+        *_rasters(spec, layers),
+        *_classes(spec, layers, told.given),
         *(in_order(plots) or _pictures(found, spec)),
         *own,
         *_charts(found, spec),
@@ -189,12 +205,73 @@ def _charts(found: Mapping[str, Any], spec: Spec) -> list[Section]:
     ]
 
 
+def _rasters(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
+    """Section with a row for each raster: its cells, and the range of what they hold."""
+    rows = [
+        {
+            "Raster": _titled(spec.results[name]),
+            "Holds": spec.results[name].help,
+            "Cell": layer.cell,
+            "Rows": layer.shape[0],
+            "Columns": layer.shape[1],
+            "Unit": LENGTHS.get(layer.units[0], layer.units[0]),
+            **_range(layer.band()),
+        }
+        for name, layer in layers.items()
+        if isinstance(layer, Raster)
+    ]
+    crs = next((layer.crs for layer in layers.values() if isinstance(layer, Raster)), None)
+    if not rows:
+        return []
+    caption = "" if crs is None else f"{describe_crs(crs)}; heights: {height_system(crs)}"
+    return [Section("Rasters", [Rows(Table.from_rows(rows), caption, columns=_OF_RASTERS)])]
+
+
+def _range(values: NDArray[np.float64]) -> dict[str, float | None]:
+    """Least and greatest value, and the share of cells that are empty."""
+    known = values[np.isfinite(values)]
+    return {
+        "Lowest": float(known.min()) if len(known) else None,
+        "Highest": float(known.max()) if len(known) else None,
+        "Empty": 1 - len(known) / values.size,
+    }
+
+
+def _classes(spec: Spec, layers: Mapping[str, Layer], given: Mapping[str, Any]) -> list[Section]:
+    """Section with the points of each class, before and after a run that classified them."""
+    after = {n: c for n, layer in layers.items() if (c := _counted(layer))}
+    before = next((counts for layer in given.values() if (counts := _counted(layer))), Counter())
+    rows = [
+        {
+            "Points": _titled(spec.results[name]),
+            "Class": code,
+            "Name": CLASSES.get(code, ""),
+            **({"Before": before.get(code, 0)} if before else {}),
+            "After": counts.get(code, 0),
+            "Share": counts.get(code, 0) / counts.total(),
+        }
+        for name, counts in after.items()
+        for code in sorted({*counts, *before})
+    ]
+    return (
+        [Section("Points by class", [Rows(Table.from_rows(rows), columns=_SHARE)])] if rows else []
+    )
+
+
+def _counted(layer: Any) -> Counter[int]:
+    """The number of points of each class of a cloud in memory."""
+    if not isinstance(layer, PointCloud) or "classification" not in layer:
+        return Counter()
+    codes, counts = np.unique(layer["classification"], return_counts=True)
+    return Counter(dict(zip(codes.tolist(), counts.tolist(), strict=True)))
+
+
 def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
     """Section with the size of each layer that is not listed."""
     rows = [
         {"Layer": name, "Holds": spec.results[name].help, "Size": layer.size_text()}
         for name, layer in layers.items()
-        if layer.size_text()
+        if layer.size_text() and not isinstance(layer, Raster)
     ]
     return [Section("Layers", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
 

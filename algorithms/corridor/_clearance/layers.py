@@ -46,6 +46,7 @@ SPAN_COLUMNS = (
 )
 OBJECT_COLUMNS = (
     "object_id",
+    "clump",
     "severity",
     "rule",
     "kind",
@@ -96,17 +97,19 @@ def object_layer(
     line: LineStates,
     rules: Sequence[Rule],
     objects: Sequence[Object],
+    clumps: Sequence[int],
     like: WireLike,
 ) -> Vector:
     """Vector layer of the objects: one point per object, where it is closest to the wire."""
     rows: list[dict[str, Any]] = []
-    for number, one in enumerate(objects, start=1):
+    for number, (one, clump) in enumerate(zip(objects, clumps, strict=True), start=1):
         rule = rules[one.rule]
         ruled = rule.severity not in (NO_RULE, UNSURE)
         low, high = interval_of(one, rule, surroundings, line)
         rows.append(
             {
                 "object_id": number,
+                "clump": clump,
                 "severity": rule.severity,
                 "rule": rule.id,
                 "kind": one.kind,

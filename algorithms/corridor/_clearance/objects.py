@@ -86,6 +86,24 @@ def objects_by(
     return [_object(surroundings, found, int(one), members[group[one]]) for one in worst]
 
 
+def clumps_of(surroundings: Surroundings, objects: Sequence[Object], *, gap: float) -> list[int]:
+    """The clump of each object, from 1 by urgency: objects whose points touch are of one.
+
+    Wide groups of trees are parted tree by tree, and a crew is sent to the clump.
+
+    Parameters
+    ----------
+    gap : as in `objects_of`
+    """
+    if not objects:
+        return []
+    points = np.concatenate([one.points for one in objects])
+    group = groups(surroundings.xyz[points], surroundings.kind[points].astype(np.int64), gap)
+    firsts = np.cumsum([0, *(len(one.points) for one in objects[:-1])])
+    numbers: dict[int, int] = {}
+    return [numbers.setdefault(int(own), len(numbers) + 1) for own in group[firsts]]
+
+
 def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
     """Index of the worst point of each group, sorted by urgency, independent of the point order."""
     worst = np.arange(len(group))

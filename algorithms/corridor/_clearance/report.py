@@ -50,6 +50,7 @@ SEVERITY_COLOURS = {
 }
 LISTED = (
     "object_id",
+    "clump",
     "severity",
     "kind",
     "rule",
@@ -71,7 +72,8 @@ LISTED = (
 )
 LIST_CAPTION = (
     "Where each object is closest. The clearance at other temperatures is that in the wind of the "
-    "survey, see there. Shape of a wire: its points may be a wire that was not found"
+    "survey, see there. Objects of one clump touch: a wide group of trees is listed tree by tree. "
+    "Shape of a wire: its points may be a wire that was not found"
 )
 SPAN_CAPTION = (
     "Least distances in space to what is near the wires in plan. Clearance: to the nearest object. "
@@ -139,7 +141,7 @@ def report_of(
         ),
     ]
     shown = [section for section in sections if section.blocks]
-    summary = _summary(surroundings, line, rules, objects, coverage, spans)
+    summary = _summary(surroundings, line, rules, objects, listed, coverage, spans)
     summary += _may_break(surroundings, rest) if line.spans else ""
     head = Head(unseen=_unseen(surroundings, line, coverage, missing))
     title = "Clearances of a power line"
@@ -173,6 +175,7 @@ def _summary(
     line: LineStates,
     rules: Sequence[Rule],
     objects: Sequence[Object],
+    listed: pd.DataFrame,
     coverage: Coverage,
     spans: Table,
 ) -> str:
@@ -182,6 +185,7 @@ def _summary(
     unruled, unsure = counts.pop(NO_RULE), counts.pop(UNSURE)
     found = ", ".join(f"{count} {word}" for word, count in counts.items())
     text = f"Spans: {len(line.spans)}. Objects too close, or to be watched: {found}."
+    text += _in_clumps(listed)
     falling = sum(rules[one.rule].id == FALLING.id for one in objects)
     if falling:
         text += (
@@ -205,6 +209,13 @@ def _summary(
             "found in a document; look them up in the regulation before you rely on them."
         )
     return text
+
+
+def _in_clumps(listed: pd.DataFrame) -> str:
+    """In how many clumps the objects that break a rule stand; "" where each is one of its own."""
+    own = listed[~listed["severity"].isin([NO_RULE, UNSURE])]
+    clumps = own["clump"].nunique()
+    return f" They stand in {clumps} clumps." if 0 < clumps < len(own) else ""
 
 
 def _without_rule(coverage: Coverage) -> str:

@@ -597,6 +597,31 @@ def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
     assert run(points, distance=5.0, falling=False)["object_count"] == 1
 
 
+def test_severities_are_counted_apart() -> None:
+    ground = flat()
+    tall = [*blob(150, 15, 34.0), *blob(60, -16, 15.0), *blob(200, 1.0, 18.0)]
+    result = run(cloud([*tall, *ground], [5] * 15 + [2] * len(ground)), distance=5.0)
+    counts = [result[f"{word}_count"] for word in ("object", "critical", "warning", "watch")]
+    assert counts == [2, 1, 0, 1]
+
+
+def test_trees_of_one_clump_carry_its_number() -> None:
+    """A row of crowns 40 m long is parted tree by tree; a tree apart is a clump of its own."""
+    low = float(LEVEL.height(np.array(150.0)))
+    row = [p for k in range(9) for p in blob(130 + 5 * k, 0, low - 3.0 - 2 * (k % 2), 40)]
+    between = [(130 + k / 2, 0.0, low - 6.0) for k in range(80)]
+    alone = blob(60, 0, float(LEVEL.height(np.array(60.0))) - 4.0)
+    ground = flat()
+    trees = [*row, *between, *alone]
+    classes = [5] * len(trees) + [2] * len(ground)
+    result = run(cloud([*trees, *ground], classes), distance=8.0, falling=False)
+    frame = result["objects"].frame
+    assert len(frame) > 2
+    assert sorted(frame["clump"].unique()) == [1, 2]
+    assert (frame["clump"] == frame["clump"].mode()[0]).sum() == len(frame) - 1
+    assert "They stand in 2 clumps." in result["report"].summary
+
+
 def test_trees_that_will_grow_too_close_are_watched() -> None:
     low = float(LEVEL.height(np.array(150.0)))
     trees = [*blob(150, 0, low - 6.0), *blob(80, 0, low - 1.0), *blob(220, 0, low - 8.5)]

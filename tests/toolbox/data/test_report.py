@@ -166,6 +166,11 @@ def test_paper_shows_so_many_rows_as_it_says() -> None:
     assert block.caption_on(paper=False) == "Numbers"
 
 
+def test_measures_are_named_in_words() -> None:
+    row = {"measure": "reference_area", "value": 1.5, "unit": "m2", "meaning": "area of b_c"}
+    assert Rows(Table.from_rows([row])).cells[0][0] == "reference area"
+
+
 def test_paper_has_what_a_section_says_for_it() -> None:
     told = Section("How", ["long"], folded=True, printed=["short"])
     none = Section("Settings", ["all"], folded=True, printed=[])

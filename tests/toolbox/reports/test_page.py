@@ -12,7 +12,7 @@ import toolbox
 from algorithms.surface.difference import SurfaceDifference
 from toolbox import catalog
 from toolbox.cli.replay import replay
-from toolbox.data import Figure, Lattice, PointCloud, Raster, Report, Section, Table
+from toolbox.data import Figure, Lattice, PointCloud, Raster, Report, Rows, Section, Table
 from toolbox.data.crs import parse_crs
 from toolbox.data.report import Plot
 from toolbox.data.report.render import render
@@ -50,7 +50,34 @@ def test_page_with_a_map(points: Path) -> None:
     toolbox.run("surface.grid", {"points": points, "page": place})
     text = place.read_text()
     assert text.count('<figure class="plot"') == text.count("<img src=") == 2
-    assert "50 rows, 50 columns" in text
+    assert text.count('<td class="number">50</td>') == 2  # rows and columns
+
+
+def test_rasters_are_told_with_their_range_and_empty_cells() -> None:
+    values = np.array([[1.0, 4.0], [np.nan, 2.0]])
+    lattice = Lattice(500_000.0, 4_000_000.0, 0.5, 2, 2)
+    raster = Raster.from_lattice(values, lattice, crs=parse_crs("EPSG:32635"), units=["metre"])
+    spec = catalog.load("surface.grid")
+    report = page(spec, {"surface": raster}, None)
+    (rows,) = next(part.blocks for part in report.sections if part.title == "Rasters")
+    assert isinstance(rows, Rows)
+    assert rows.cells[0][2:] == ["0.50", "2", "2", "m", "1.00", "4.00", "25.0"]
+    assert "EPSG:32635" in rows.caption
+
+
+def test_points_of_each_class_are_counted_before_and_after() -> None:
+    xyz = np.zeros((4, 3))
+    before = PointCloud(xyz, {"classification": np.array([1, 1, 1, 6])}, crs=None)
+    after = PointCloud(xyz, {"classification": np.array([1, 2, 2, 2])}, crs=None)
+    spec = catalog.load("ground.classify")
+    report = page(spec, {"classified": after}, None, Told(given={"points": before}))
+    (rows,) = next(part.blocks for part in report.sections if part.title == "Points by class")
+    assert isinstance(rows, Rows)
+    assert [row[1:] for row in rows.cells] == [
+        ["1", "Unclassified", "3", "1", "25.0"],
+        ["2", "Ground", "0", "3", "75.0"],
+        ["6", "Building", "1", "0", "0.0"],
+    ]
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ _LONGEST_TEXT = 26  # characters of a text in print before it goes on in another
 _WIDE = 9  # columns; a table of more is printed on a page of its own, across
 _MOST_PRINTED = 40  # rows, most of a page; all of them are in the file of the layer
 _NAMING = 1  # column that says which row it is, and is shown also where all rows are alike
+_NAMED = ("measure", "meaning")  # columns that hold names of measures
 _FEW_FACTS = 2  # rows of a wide table that are printed one after the other, as lists of facts
 
 
@@ -50,6 +51,11 @@ class Figure:
         """The image as a data URL, so that the report is one file."""
         kind = "png" if self.content.startswith(b"\x89PNG") else "svg+xml"
         return f"data:image/{kind};base64," + base64.b64encode(self.content).decode()
+
+
+def _plain_words(text: Any) -> Any:
+    """The name of a measure without the marks that join its words in a file."""
+    return text.replace("_", " ") if isinstance(text, str) else text
 
 
 @dataclass(frozen=True)
@@ -88,7 +94,9 @@ class Rows:
         empty = [n for n in frame if len(frame) and frame[n].isna().all()]
         units = unit_column(frame)
         if units is not None:
-            frame = frame.assign(**{str(units): frame[units].map(unit_text, na_action="ignore")})
+            named = {n: frame[n].map(_plain_words) for n in frame if str(n).lower() in _NAMED}
+            named |= {units: frame[units].map(unit_text, na_action="ignore")}
+            frame = frame.assign(**{str(name): texts for name, texts in named.items()})
         return frame.drop(columns=[*hidden, *empty])
 
     @cached_property

@@ -18,7 +18,7 @@ LENGTHS = {
 OBJECTS = {
     **LENGTHS,
     "object_id": Column("Object"),
-    "clump": Column("Clump"),
+    "clump": Column("Clump", meaning="Objects with the same number touch, as trees of one group"),
     "severity": Column("Severity"),
     "kind": Column("Kind"),
     "rule": Column("Rule"),

@@ -23,6 +23,10 @@ PART = 1 << 13  # points whose squares have an exact sum in a double, too
 OUTSIDE = 1e9  # offset of points that are no neighbours, above FINE
 LINE = 1e-12  # share of the largest eigenvalue below which the others are those of a line
 SEEN = 16  # points noted while searching, for each one that is wanted
+WIDER = (
+    1.2  # times the farthest neighbour of a leaf on average, how far the next one looks at first
+)
+WIDEN = 1.5  # times as far, where that does not hold all neighbours of a point
 
 
 # Neighbourhoods ----------------------------------------------------------------------------
@@ -32,15 +36,22 @@ SEEN = 16  # points noted while searching, for each one that is wanted
 def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):
     """Fill in the moments and axes of the k nearest neighbours of points, within `reach`.
 
-    `found` has the shape (ROWS, points of the leaves).
+    They are looked for among the points around the leaf, as far away as those of the leaf before
+    were; point by point where that does not tell them. `found` has the shape (ROWS, points of the
+    leaves).
     """
     n = len(xyz)
-    far, near, near_far = np.empty(k), np.empty(k, np.int64), np.empty(k)
-    seen, seen_far = np.empty(SEEN * k, np.int64), np.empty(SEEN * k)
-    held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
-    begin, farthest = tree.first(first_leaf, depth, n), reach
+    around, index = np.empty((3, tree.ROOM)), np.empty(tree.ROOM, np.int64)
+    squared, kept = np.empty(tree.ROOM), np.empty(tree.ROOM, np.int64)
+    held = np.empty(tree.DEEPEST, np.int64)
+    alone = _room(k)
+    begin, farthest, wide = tree.first(first_leaf, depth, n), reach, 0.0
+    inside = np.nextafter(reach * reach, 0.0)  # neighbours are nearer than the reach
     for leaf in range(first_leaf, last_leaf):
-        for own in range(tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)):
+        count = tree.around(xyz, box, depth, leaf, wide, held, around, index) if wide > 0.0 else -1
+        start, stop = tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)
+        total = 0.0
+        for own in range(start, stop):
             bound = reach
             if own > begin:  # what is near the point before cannot be far from this one
                 step = 0.0
@@ -52,17 +63,67 @@ def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):
                 row[:] = 0.0
                 row[COUNT] = k + 1
                 continue
-            far[:] = bound * bound
-            noted = tree.search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far)
-            farthest, limit = np.sqrt(far[0]), far[0]
-            if limit >= reach * reach:  # fewer than wanted: all of those nearer than the reach
-                limit = np.nextafter(reach * reach, 0.0)
-            used = _keep(limit, min(noted, len(seen)), seen, seen_far)
-            if noted <= len(seen) and used <= k:
-                _describe(xyz, own, seen, used, _farthest(seen_far, used), row)
-            else:  # several are equally far, and not all of them are wanted
-                used = tree.gather(xyz, box, depth, own, limit, near, near_far, held)
-                _describe(xyz, own, near, used, _farthest(near_far, used), row)
+            limit, few = -1.0, 0
+            while count >= 0:
+                within = min(min(wide, bound) ** 2, inside)
+                limit, few = tree.among(around, count, xyz[own], k + 1, within, squared, kept)
+                if few > k or wide >= bound:
+                    break
+                wide = min(WIDEN * wide, bound)
+                count = tree.around(xyz, box, depth, leaf, wide, held, around, index)
+            if limit >= 0.0 or (count >= 0 and few <= k):
+                farthest = np.sqrt(limit) if limit >= 0.0 else reach  # fewer than wanted: take all
+                used, far = _others(own, limit, few, squared, kept, index)
+                _describe(xyz, own, kept, used, np.sqrt(far), row)
+            else:
+                farthest = _alone(xyz, box, depth, leaf, own, k, bound, reach, alone, row)
+            total += farthest
+        wide = WIDER * total / max(stop - start, 1)
+
+
+@helper
+def _others(own, limit, few, squared, kept, index):
+    """Put the numbers of the points up to the limit into `kept`, but for the point itself.
+
+    All of the few without a limit, -1. Returns their number, and the largest squared distance.
+    """
+    used, far = 0, 0.0
+    for j in range(few):
+        if (limit < 0.0 or squared[j] <= limit) and index[kept[j]] != own:
+            kept[used] = index[kept[j]]
+            used, far = used + 1, max(far, squared[j])
+    return used, far
+
+
+@helper
+def _room(k):
+    """Scratch for a search of the k nearest of one point."""
+    return (
+        *(np.empty(k), np.empty(k, np.int64), np.empty(k)),
+        *(np.empty(SEEN * k, np.int64), np.empty(SEEN * k)),
+        *(np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)),
+    )
+
+
+@helper
+def _alone(xyz, box, depth, leaf, own, k, bound, reach, room, row):
+    """Fill in the row of one point by a search of its own; the distance of its farthest neighbour.
+
+    What is as near as `bound` is looked at.
+    """
+    far, near, near_far, seen, seen_far, held, held_away = room
+    far[:] = bound * bound
+    noted = tree.search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far)
+    farthest, limit = np.sqrt(far[0]), far[0]
+    if limit >= reach * reach:  # fewer than wanted: all of those nearer than the reach
+        limit = np.nextafter(reach * reach, 0.0)
+    used = _keep(limit, min(noted, len(seen)), seen, seen_far)
+    if noted <= len(seen) and used <= k:
+        _describe(xyz, own, seen, used, _farthest(seen_far, used), row)
+    else:  # several are equally far, and not all of them are wanted
+        used = tree.gather(xyz, box, depth, own, limit, near, near_far, held)
+        _describe(xyz, own, near, used, _farthest(near_far, used), row)
+    return farthest
 
 
 @helper

@@ -9,11 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import exact_sums, helper
 
 DEEPEST = 64  # levels: more than any memory holds
 SOME = 64  # points of a node that tell its widest axis; with all, a tree takes a fourth longer
 ROUNDING = 1e-9  # share by which a bound made of two square roots is widened
+ROOM = 2048  # points that are copied around a leaf at most: what the nearest cache holds
+PROBES = 12  # tries to part the nearest from the rest; equal distances cannot be parted
 
 
 @helper
@@ -181,6 +183,101 @@ def search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far):
             here, d = held[waiting], held_away[waiting]
         node >>= 1
     return count
+
+
+# Nearest points of all points of a leaf ------------------------------------------------------
+
+
+@helper
+def around(xyz, box, depth, leaf, reach, held, near, index):
+    """Copy the points of all leaves within `reach` of a leaf; their number, -1 if there is no room.
+
+    One walk through the tree for all points of the leaf, whose distances can be computed several at
+    once then: `near` has a row each for x, y and z.
+    """
+    n, own = len(xyz), box[(1 << depth) + leaf]
+    count, waiting, limit = 0, 1, reach * reach
+    held[0] = 1
+    while waiting > 0:
+        waiting -= 1
+        here, gap = held[waiting], 0.0
+        for a in range(3):
+            gap += max(box[here, a] - own[3 + a], 0.0, own[a] - box[here, 3 + a]) ** 2
+        if gap > limit:
+            continue
+        if not here >> depth:
+            held[waiting], held[waiting + 1] = 2 * here, 2 * here + 1
+            waiting += 2
+            continue
+        other = here - (1 << depth)
+        start, stop = first(other, depth, n), first(other + 1, depth, n)
+        if count + stop - start > len(index):
+            return -1
+        for i in range(start, stop):
+            near[0, count], near[1, count], near[2, count] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+            index[count] = i
+            count += 1
+    return count
+
+
+@helper
+def among(near, count, place, k, limit, squared, kept):
+    """Squared distance of the k-th nearest of some points from a place; -1 if it is not clear.
+
+    It is not if fewer than k are within `limit` (squared), or others are as near as the k-th. The
+    places in `near` of those within the limit are put into `kept`, and their squared distances into
+    `squared`; returns their number as well.
+    """
+    east, north, up = near[0], near[1], near[2]
+    x, y, z = place[0], place[1], place[2]
+    for j in range(count):
+        dx, dy, dz = east[j] - x, north[j] - y, up[j] - z
+        squared[j] = dx * dx + dy * dy + dz * dz
+    few = 0
+    for j in range(count):  # without a branch, which the processor could not foresee
+        d = squared[j]
+        squared[few], kept[few] = d, j
+        few += d <= limit
+    if few < k:
+        return -1.0, few
+    return _parted(squared[:few], k, limit), few
+
+
+@helper
+def _parted(squared, k, limit):
+    """The k-th smallest of numbers up to a limit; -1 if no number parts k of them from the rest."""
+    low, high, below, up_to = 0.0, limit, 0, len(squared)
+    for probe in range(PROBES):
+        if up_to == k:
+            return _largest(squared, high)
+        # Numbers are spread about evenly: by turns where k of them should end, and in the middle.
+        share = 0.5 if probe & 1 else (k - 0.5 - below) / (up_to - below)
+        middle = low + (high - low) * share
+        count = _number(squared, middle)
+        if count < k:
+            low, below = middle, count
+        else:
+            high, up_to = middle, count
+    return -1.0
+
+
+@exact_sums
+def _number(values, limit):
+    """How many values are at most the limit."""
+    count = np.int64(0)
+    for value in values:
+        count += np.int64(value <= limit)
+    return count
+
+
+@exact_sums
+def _largest(values, limit):
+    """The largest of the values that are at most the limit."""
+    most = 0.0
+    for value in values:
+        small = value if value <= limit else 0.0
+        most = small if small > most else most
+    return most
 
 
 @njit(cache=True, nogil=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numba
@@ -12,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.shared.covariance import FEATURES, Name, covariance_features
 from algorithms.shared.kernels import covariance as kernels
+from algorithms.shared.neighbours import PointTree
 from toolbox.context import Context
 from toolbox.errors import Cancelled
 
@@ -81,6 +83,36 @@ def test_features_are_those_of_numpy(neighbours: int | None, radius: float | Non
         for name, value in of_numpy(xyz[near] - xyz[point], reach).items():
             assert found[name][point] == pytest.approx(value, rel=1e-4, abs=2e-5), (name, point)  # type: ignore[index]
     assert few < 50
+
+
+def clumps() -> Floats:
+    """Dense and sparse clumps side by side, each point of one of them three times."""
+    rng = np.random.default_rng(1)
+    middles = rng.uniform(0, 40, (9, 3))
+    parts = [rng.normal(middle, 0.02 * 3**k, (400, 3)) for k, middle in enumerate(middles[:6])]
+    return np.concatenate([*parts, np.repeat(rng.normal(middles[6], 1.0, (150, 3)), 3, axis=0)])
+
+
+def steps() -> Floats:
+    """A regular grid: many neighbours are equally far away."""
+    return np.stack(np.meshgrid(range(12), range(12), range(9)), -1).reshape(-1, 3).astype(float)
+
+
+@pytest.mark.parametrize("cloud", [terrain, clumps, steps])
+@pytest.mark.parametrize(("neighbours", "reach"), [(3, np.inf), (20, np.inf), (20, 0.5), (90, 2.0)])
+def test_points_around_a_leaf_tell_what_a_search_for_each_point_does(
+    cloud: Callable[[], Floats], neighbours: int, reach: float
+) -> None:
+    tree = PointTree.of(cloud())
+    count, leaves = len(tree.xyz), 1 << tree.depth
+    how = tree.xyz, tree.boxes, tree.depth, neighbours, reach
+    together = np.empty((kernels.ROWS, count))
+    kernels.nearest(0, leaves, *how, together)
+    for leaf in range(leaves):  # the first leaf of a run has none before it to learn from
+        some = slice(*((k * count) >> tree.depth for k in (leaf, leaf + 1)))
+        single = np.empty((kernels.ROWS, some.stop - some.start))
+        kernels.nearest(leaf, leaf + 1, *how, single)
+        np.testing.assert_array_equal(together[:, some], single)
 
 
 def test_a_line_a_plane_and_a_ball() -> None:

@@ -134,6 +134,7 @@ def _run(
     if isinstance(spec, Model):
         spec = spec.wanting(target.output for target in writes.values())
     settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
+    delivery.tell_missing(writes)
     for name in spec.idle(settings):
         if given.get(name) is not None:
             log.warning("%s: is not used by any step that runs", name)

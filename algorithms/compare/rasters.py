@@ -32,6 +32,7 @@ from algorithms.shared.alignment import misfit, offset
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Table, Vector
 from toolbox.data.crs import crs_conflict, length_problem
+from toolbox.data.layer import extents
 from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -195,7 +196,9 @@ class CompareRasters:
         if not sampled:  # of points, missing has told it
             warn_absent(pairs.absent, pairs.known, what)
         if not len(pairs.said):
-            raise DataError("classes: no cell has a class in both; do they overlap?")
+            known = {name: getattr(self, name) for name in ("reference", "areas", "checkpoints")}
+            where = extents(classes=self.classes, **{n: v for n, v in known.items() if v})
+            raise DataError(f"classes: no cell or point has a class in both: {where}")
         codes = codes_in(pairs.said, "classes"), codes_in(pairs.true, "reference")
         legend = Legend.of(*codes, names, true_names | texts, self.leave_out or ())
         truth = numbers(pairs.true, legend.true)

@@ -33,6 +33,7 @@ from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import crs_conflict
+from toolbox.data.layer import extents
 from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -263,7 +264,8 @@ class CompareSurfaces:
         raster, found = self._found(ctx.part(0.0, 0.4))
         if not len(found.error):
             name = next(n for n in REFERENCES if getattr(self, n) is not None)
-            raise DataError(f"{name}: no cell or point has a height in both; do they overlap?")
+            where = extents(surface=self.surface, **{name: getattr(self, name)})
+            raise DataError(f"{name}: no cell or point has a height in both: {where}")
         if found.missing:
             log.warning("%d cells or points have no counterpart", found.missing)
         absent = self._absent(len(found.error)) if raster else found.missing

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import shutil
 import sys
 import threading
@@ -22,6 +23,10 @@ _MOST_ROWS = 30  # of a table that are printed, about a screen
 _SMALL = 0.01  # m, of which millimetres would be one digit or none
 _LARGE = 100.0  # m2 or m3, of which a whole one is at most a hundredth
 _BAR = 60  # characters of the progress bar with its time
+_AS_OPTIONS = (  # what errors call by its name in Python, and how the command line writes it
+    (re.compile(r"(?<![-\w])assume_crs\b(?!:)"), "--assume-crs"),
+    (re.compile(r"(?m)^(  (\w+): .*)the option reproject="), r"\1--\2.reproject "),
+)
 LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEBUG}
 
 
@@ -76,6 +81,7 @@ class Console:
         self._told(text)
 
     def message(self, level: str, text: str) -> None:
+        text = as_options(text)
         _warn(text if level == "info" else f"{_coloured(f'{level}:', level)} {text}")
 
     def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
@@ -118,7 +124,7 @@ class Console:
     def error(self, err: BaseException) -> int:
         """Print an error and return its exit code."""
         code = exit_code(err)
-        self._report(code, _error_text(err))
+        self._report(code, as_options(_error_text(err)))
         if (not isinstance(err, ToolboxError) or err.__cause__) and self.level == "verbose":
             _warn("".join(traceback.format_exception(err)))
         return code
@@ -160,7 +166,7 @@ class Events(Console):
         self._event("stage", text=text)
 
     def message(self, level: str, text: str) -> None:
-        self._event("log", level=level, message=text)
+        self._event("log", level=level, message=as_options(text))
 
     def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
         self._event("result", outputs={name: as_json(value) for name, value in outputs.items()})
@@ -267,6 +273,19 @@ def _figure(value: float, unit: str) -> str:
 def _unit(described: Mapping[str, Any]) -> str:
     units = [m["value"] for m in described.get("metadata", []) if m["role"] == "unit"]
     return f" {units[0]}" if units and units[0] != "1" else ""
+
+
+def as_options(text: str) -> str:
+    """A message with the options of the command line, where it speaks of parameters in Python.
+
+    Examples
+    --------
+    >>> as_options("a.laz has no CRS; state it with assume_crs EPSG:...")
+    'a.laz has no CRS; state it with --assume-crs EPSG:...'
+    """
+    for known, option in _AS_OPTIONS:
+        text = known.sub(option, text)
+    return text
 
 
 def _error_text(err: BaseException) -> str:

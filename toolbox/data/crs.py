@@ -47,6 +47,7 @@ _FORMS = "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), 'EPSG:2154+ellipsoi
 _FORMS += "above the ellipsoid), a WKT text, or 'local'"
 _FORMS += " (plain metres; local:mm, local:cm, local:ft)"
 _CODE = re.compile(r"[A-Za-z]\w*:\w+(\+\w+)?")
+_NUMBER = re.compile(r"\d{4,5}(\+(\d{4,5}|ellipsoid))?", re.I)  # codes of EPSG, said without it
 ABOVE_ELLIPSOID = "above the ellipsoid"
 NOT_STATED = "not stated by the data"
 """What :func:`height_system` says of heights that are not above a geoid."""
@@ -59,7 +60,8 @@ _UNITS |= {0.001: "millimetre", 0.01: "centimetre"}
 def parse_crs(text: str) -> CRS:
     """Make a CRS of a text: authority code, compound code, WKT or a key of LOCALS.
 
-    A code with "+ellipsoid" behind it has heights above the ellipsoid.
+    A number alone is a code of EPSG. A code with "+ellipsoid" behind it has heights above the
+    ellipsoid.
 
     Raises
     ------
@@ -70,10 +72,14 @@ def parse_crs(text: str) -> CRS:
     --------
     >>> parse_crs("EPSG:2154+5720").name
     'RGF93 v1 / Lambert-93 + NGF-IGN69 height'
+    >>> parse_crs("28992") == parse_crs("EPSG:28992")
+    True
     >>> parse_crs("local:mm").name
     'Local coordinates in millimetres'
     """
     text = text.strip()
+    if _NUMBER.fullmatch(text):
+        text = f"EPSG:{text}"
     if text.lower() in LOCALS:
         return LOCALS[text.lower()]
     if text.lower().endswith(_ELLIPSOID):
@@ -87,6 +93,30 @@ def parse_crs(text: str) -> CRS:
     if crs.is_vertical and not crs.is_compound:
         raise ValueError(f"{text!r} is a height system alone ({crs.name}); {_FORMS}")
     return crs
+
+
+def crs_of(given: CRS | str | int | None) -> CRS | None:
+    """The CRS of a layer that is made in Python: as it is, or by its code or another text.
+
+    Raises
+    ------
+    DataError
+        It is none of these, or PROJ does not know it.
+
+    Examples
+    --------
+    >>> crs_of("EPSG:32635") == crs_of(32635) == CRS(32635)
+    True
+    >>> crs_of("EPSG:2")
+    Traceback (most recent call last):
+    toolbox.errors.DataError: crs: 'EPSG:2' is not a CRS that PROJ knows; give 'EPSG:2154', ...
+    """
+    if given is None or isinstance(given, CRS):
+        return given
+    try:
+        return parse_crs(str(given))
+    except ValueError as error:
+        raise DataError(f"crs: {error}") from error
 
 
 def crs_to_json(crs: CRS | None) -> str | None:
@@ -122,8 +152,8 @@ def length_problem(crs: CRS | None) -> str | None:
     """
     if crs is None:
         return (
-            "has no CRS; state it with --assume-crs EPSG:..., "
-            "or --assume-crs local for plain metres, local:mm for millimetres"
+            "has no CRS; state it with assume_crs EPSG:..., "
+            "or assume_crs local for plain metres, local:mm for millimetres"
         )
     return _horizontal_problem(crs) or _vertical_problem(crs)
 
@@ -136,7 +166,7 @@ def _horizontal_problem(crs: CRS) -> str | None:
         kind = horizontal.type_name
         return f"is in a {kind} ({describe_crs(crs)}); reproject it to a projected CRS first"
     if horizontal.axis_info[0].unit_name == "unknown":
-        return f"has a CRS of unknown unit ({describe_crs(crs)}); state it with --assume-crs"
+        return f"has a CRS of unknown unit ({describe_crs(crs)}); state it with assume_crs"
     return None
 
 
@@ -299,8 +329,8 @@ def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool, tools: str = ""
     if same_crs(a, b):
         return None
     if a is None:
-        return f"has no CRS; state it with --assume-crs, to go with {describe_crs(b)}"
-    advice = _advice(a, b, heights) if b else "state with --assume-crs the missing CRS"
+        return f"has no CRS; state it with assume_crs, to go with {describe_crs(b)}"
+    advice = _advice(a, b, heights) if b else "state with assume_crs the missing CRS"
     command = _command(advice, tools, b) if advice and tools and b else ""
     return f"is in {describe_crs(a)}; {advice}{command}" if advice else None
 

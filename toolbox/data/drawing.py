@@ -15,7 +15,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context
 from toolbox.data import dxf
-from toolbox.data.crs import metres_per_unit, vertical_unit
+from toolbox.data.crs import crs_of, metres_per_unit, vertical_unit
 from toolbox.data.layer import Layer, text_array
 from toolbox.data.reading import errors_named
 from toolbox.data.record import CHUNK, own_side_car, side_car, write_beside
@@ -104,6 +104,9 @@ class Drawing(Layer):
     name: str = ""
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".pdf", ".svg", ".png", ".dxf")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "crs", crs_of(self.crs))
 
     def __repr__(self) -> str:
         size = f"{self.title!r}, {len(self.panels)} sections, 1:{self.chosen_scale}"

@@ -1,4 +1,8 @@
-"""Optional libraries: what needs each of them, and the extra that installs it."""
+"""Optional libraries: what needs each of them, and how to get it.
+
+Messages name the library itself: the toolbox may have come as a file, and its own name need not be
+that of a package on an index.
+"""
 
 from __future__ import annotations
 
@@ -18,20 +22,18 @@ class Extra:
     Attributes
     ----------
     what : is not to be had without it
-    library : name under which it is imported
-    name : of the extra, as in ``pip install lidar-toolbox[name]``
+    library : its name, under which it is imported and installed
     system : the library of the system that it needs, and how to get that; "" for none
     """
 
     what: str
     library: str
-    name: str
     system: str = ""
 
     def missing(self) -> str | None:
         """How to get the library; None if it is there."""
         if find_spec(self.library) is None:
-            return f"{self.what} needs {self.library}: pip install lidar-toolbox[{self.name}]"
+            return f"{self.what} needs {self.library}: pip install {self.library}"
         if self.system:
             try:
                 with redirect_stdout(StringIO()):  # where WeasyPrint explains at length
@@ -52,14 +54,13 @@ class Extra:
             raise DataError(text)
 
 
-E57 = Extra("E57", "pye57", "e57")
-IFC = Extra("IFC", "ifcopenshell", "ifc")
-ISO = Extra("Metadata after ISO 19115", "pygeometa", "metadata")
-PARQUET = Extra("Parquet", "pyarrow", "parquet")
+E57 = Extra("E57", "pye57")
+IFC = Extra("IFC", "ifcopenshell")
+ISO = Extra("Metadata after ISO 19115", "pygeometa")
+PARQUET = Extra("Parquet", "pyarrow")
 PDF = Extra(
     "PDF",
     "weasyprint",
-    "pdf",
     "Pango, of the system: apt install libpango-1.0-0 libpangoft2-1.0-0, brew install pango",
 )
-PLY = Extra("PLY", "plyfile", "ply")
+PLY = Extra("PLY", "plyfile")

@@ -20,6 +20,7 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context
 from toolbox.data.crs import describe_crs
 from toolbox.data.extras import Extra
+from toolbox.data.lattice import in_plan
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class Layer(Protocol):
         """Files that hold what the layer does not have in memory."""
         return ()
 
-    def with_crs(self, crs: CRS | None) -> Self:
+    def with_crs(self, crs: CRS | str | int | None) -> Self:
         """The same layer, said to be in another CRS; as it is if it has no coordinates."""
         return self
 
@@ -169,6 +170,22 @@ class Layer(Protocol):
             The format cannot hold the layer, or the file cannot be written.
         """
         raise DataError(f"{path}: a {type(self).__name__} is not written")
+
+
+def extents(**layers: Layer) -> str:
+    """Where layers lie, in words: two that do not meet have different CRS, axes or units.
+
+    Examples
+    --------
+    >>> from toolbox.data import PointCloud
+    >>> extents(points=PointCloud([[0, 7, 1.0], [5, 9, 1.0]]))
+    'points x 0 to 5, y 7 to 9'
+    """
+    texts = []
+    for name, layer in layers.items():
+        west, south, east, north = in_plan(layer.bounds)
+        texts.append(f"{name} x {west:.10g} to {east:.10g}, y {south:.10g} to {north:.10g}")
+    return "; ".join(texts)
 
 
 def text_array(text: str) -> NDArray[np.uint8]:

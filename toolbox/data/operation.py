@@ -154,7 +154,7 @@ def operation(
     'Inverse of UTM zone 35N + UTM zone 36N (exact)'
     """
     if source is None:
-        raise DataError("has no CRS; state it with --assume-crs, or in the file: points.assign_crs")
+        raise DataError("has no CRS; state it with assume_crs, or in the file: points.assign_crs")
     if is_local(source) or is_local(target):
         return _scaling(source, target)
     if beyond := reaching_beyond(source, target, in_plan(bounds)):

@@ -18,7 +18,7 @@ from toolbox.data.cloud import joining, parts, saving
 from toolbox.data.cloud.arrays import columns_of, coordinates, frozen, indices
 from toolbox.data.cloud.gps_time import days_of
 from toolbox.data.cloud.opening import read_other
-from toolbox.data.crs import metres_per_unit
+from toolbox.data.crs import crs_of, metres_per_unit
 from toolbox.data.extras import PARQUET, PLY, Extra
 from toolbox.data.las import points as las_points
 from toolbox.data.las.header import LasMetadata
@@ -57,7 +57,7 @@ class PointCloud(Layer):
     ----------
     xyz : of shape (n, 3), in the unit of the CRS
     attributes : name to array of n numbers
-    crs : None if not known
+    crs : also as a text or number, such as "EPSG:32635"; None if not known
     name : of the file, for messages
     descriptions : of attributes that LAS does not know, with their unit, at most 32 characters
 
@@ -91,7 +91,7 @@ class PointCloud(Layer):
         xyz: ArrayLike,
         attributes: Mapping[str, ArrayLike] | None = None,
         *,
-        crs: CRS | None = None,
+        crs: CRS | str | int | None = None,
         name: str = "",
         descriptions: Mapping[str, str] | None = None,
     ) -> None:
@@ -106,7 +106,7 @@ class PointCloud(Layer):
         self._steps: las_points.Steps | None = None  # see `with_steps`
         self._columns = columns_of(attributes or {}, self._size)
         self._descriptions = dict(descriptions or {})
-        self.crs, self.name = crs, name
+        self.crs, self.name = crs_of(crs), name
 
     @classmethod
     def from_arrays(
@@ -115,7 +115,7 @@ class PointCloud(Layer):
         y: ArrayLike,
         z: ArrayLike,
         *,
-        crs: CRS | None = None,
+        crs: CRS | str | int | None = None,
         name: str = "",
         **attributes: ArrayLike,
     ) -> PointCloud:
@@ -160,7 +160,7 @@ class PointCloud(Layer):
         separator: str | None = None,
         bounds: Sequence[float] | None = None,
         point_range: tuple[int, int] | None = None,
-        assume_crs: CRS | None = None,
+        assume_crs: CRS | str | int | None = None,
         reading: Reading | None = None,
         ctx: Context = QUIET,
     ) -> PointCloud:
@@ -205,7 +205,7 @@ class PointCloud(Layer):
             cloud = cls._read(file, suffix, columns, separator, bounds, point_range, reading, ctx)
         except OSError as error:
             raise DataError(f"{file} cannot be read: {error.strerror or error}") from error
-        cloud.crs = assume_crs if cloud.crs is None else cloud.crs
+        cloud.crs = crs_of(assume_crs) if cloud.crs is None else cloud.crs
         return cloud if bounds is None else cloud.within(bounds)
 
     @classmethod
@@ -566,10 +566,10 @@ class PointCloud(Layer):
         cloud._origin = cloud._file = None
         return cloud
 
-    def with_crs(self, crs: CRS | None) -> PointCloud:
+    def with_crs(self, crs: CRS | str | int | None) -> PointCloud:
         """The same points, stated to be in another CRS; nothing is transformed."""
         cloud = self._copy()
-        cloud.crs = crs
+        cloud.crs = crs_of(crs)
         return cloud
 
     # What every layer answers, see toolbox.data.layer ---------------------------------------------

@@ -20,6 +20,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import asprs, differences
 from toolbox.data.crs import (
     crs_from_json,
+    crs_of,
     crs_text,
     crs_to_json,
     is_local,
@@ -59,7 +60,7 @@ class Raster(Layer):
     values : array of shape (bands, rows, cols), or (rows, cols) for one band; float rasters hold
         NaN where nothing is known, integer ones hold `nodata`; bool becomes uint8
     transform : from cell corner to coordinates; north up, square cells
-    crs : None if not known
+    crs : also as a text or number, such as "EPSG:32635"; None if not known
     nodata : what a file holds where nothing is known; -9999 for floats unless given, or where the
         type of the file cannot hold what is given
     descriptions, units : one text per band, or nothing
@@ -116,6 +117,7 @@ class Raster(Layer):
         elif nodata is not None and not _fits(nodata, values.dtype):
             raise ValueError(f"nodata {nodata} does not fit {values.dtype}")
         object.__setattr__(self, "values", values)
+        object.__setattr__(self, "crs", crs_of(self.crs))
         object.__setattr__(self, "nodata", nodata)
         for texts in ("descriptions", "units"):
             given = tuple(getattr(self, texts)) or ("",) * len(values)
@@ -166,6 +168,7 @@ class Raster(Layer):
         *,
         band: int | None = None,
         reproject: CRS | str | None = None,
+        assume_crs: CRS | str | int | None = None,
         ctx: Context = QUIET,
     ) -> Raster:
         """Read a raster: GeoTIFF, ASCII grid and more, see `toolbox.data.drivers`.
@@ -180,6 +183,7 @@ class Raster(Layer):
         band : its number, counted from 1; all bands unless given
         reproject : bring the raster to this CRS as surface.reproject does, integers by the cell
             that they lie in and floats between cells; refused where that changes heights
+        assume_crs : of a file that states none
         ctx : where to report progress
 
         Raises
@@ -197,6 +201,8 @@ class Raster(Layer):
             with _position_unchecked(), rasterio.open(here, driver=driver) as source:
                 raster = _read(source, path.name)
         raster = raster if band is None else raster._alone(band)
+        if raster.crs is None and assume_crs is not None:
+            raster = raster.with_crs(assume_crs)
         if reproject is not None:
             from toolbox.data.resampling import on_the_way
 
@@ -330,9 +336,9 @@ class Raster(Layer):
         lattice = Lattice.of(self).window(rows, cols)
         return replace(self, values=self.values[:, rows, cols], transform=lattice.transform)
 
-    def with_crs(self, crs: CRS | None) -> Raster:
+    def with_crs(self, crs: CRS | str | int | None) -> Raster:
         """The same raster, stated to be in another CRS; nothing is transformed."""
-        return replace(self, crs=crs)
+        return replace(self, crs=crs_of(crs))
 
     # What every layer answers, see toolbox.data.layer ---------------------------------------------
 
@@ -441,7 +447,7 @@ class Raster(Layer):
         try:
             import xarray
         except ImportError as error:
-            raise DataError("xarray is not installed: pip install lidar-toolbox[xarray]") from error
+            raise DataError("xarray is not installed: pip install xarray") from error
         x, y = Lattice.of(self).centres()
         place = " ".join(map(repr, self.transform.to_gdal()))
         reference = {"GeoTransform": place} | (

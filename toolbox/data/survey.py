@@ -16,7 +16,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import vpc
-from toolbox.data.crs import crs_conflicts, metres_per_unit
+from toolbox.data.crs import crs_conflicts, crs_of, metres_per_unit
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.layer import Inside, Layer
@@ -272,7 +272,7 @@ class Survey(Layer):
         *,
         columns: Sequence[str] | None = None,
         separator: str | None = None,
-        assume_crs: CRS | None = None,
+        assume_crs: CRS | str | int | None = None,
         ctx: Context = QUIET,
     ) -> Survey:
         """Read the headers of all files that paths stand for.
@@ -295,7 +295,7 @@ class Survey(Layer):
             A path does not exist, or files are damaged, given twice, or in another CRS or unit
             than the first; tells all of them.
         """
-        found = PointFiles.of(paths)
+        found, assume_crs = PointFiles.of(paths), crs_of(assume_crs)
         for text in found.remarks:
             log.warning(text)
         files, problems = [], []
@@ -408,9 +408,9 @@ class Survey(Layer):
         """Number of points; None for a tile, since nothing is read."""
         return self.count if inside is None else None
 
-    def with_crs(self, crs: CRS | None) -> Survey:
+    def with_crs(self, crs: CRS | str | int | None) -> Survey:
         """The same survey, stated to be in another CRS; nothing is transformed."""
-        return replace(self, files=tuple(replace(file, crs=crs) for file in self.files))
+        return replace(self, files=tuple(replace(file, crs=crs_of(crs)) for file in self.files))
 
     @cached_property
     def template(self) -> PointCloud:

@@ -30,6 +30,7 @@ from toolbox.data.crs import (
     ABOVE_ELLIPSOID,
     NOT_STATED,
     crs_from_json,
+    crs_of,
     crs_to_json,
     describe_crs,
     height_system,
@@ -187,6 +188,7 @@ class Vector(Layer):
         *,
         layer: str | None = None,
         reproject: CRS | str | None = None,
+        assume_crs: CRS | str | int | None = None,
         ctx: Context = QUIET,
     ) -> Vector:
         """Read one layer of a GeoPackage, GeoJSON, FlatGeobuf, Shapefile, KML, GeoParquet, CSV...
@@ -197,6 +199,7 @@ class Vector(Layer):
         layer : may be left out where the file has one
         reproject : bring the features to this CRS as vectors.reproject does; z of formats that say
             nothing of heights is left out
+        assume_crs : of a file that states none
         ctx : where to report progress
 
         Raises
@@ -216,6 +219,8 @@ class Vector(Layer):
                 vector = cls(feature_table.read(here), name=path.name)
             else:
                 vector = _read(here, layer)
+        if vector.crs is None and assume_crs is not None:
+            vector = vector.with_crs(assume_crs)
         ctx.progress(1.0)
         return vector if reproject is None else vector._reprojected(reproject)
 
@@ -336,9 +341,9 @@ class Vector(Layer):
             decimals = rounding.of_places(self.crs) if rounded else None
             feature_table.write(frame, path, decimals)
 
-    def with_crs(self, crs: CRS | None) -> Vector:
+    def with_crs(self, crs: CRS | str | int | None) -> Vector:
         """The same features, stated to be in another CRS; nothing is transformed."""
-        frame = self._frame.set_crs(crs, allow_override=True)
+        frame = self._frame.set_crs(crs_of(crs), allow_override=True)
         return self._of(frame)
 
     def _of(self, frame: geopandas.GeoDataFrame) -> Vector:

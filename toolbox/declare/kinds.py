@@ -249,6 +249,7 @@ OPTIONS: Mapping[str, Option] = {
     "bounds": Option("Read only xmin,ymin,xmax,ymax", Extent.parse),
     "layer": Option("Name of the layer in the file", _text),
     "reproject": Option("Bring it to this CRS as it is read, such as EPSG:32635", _crs_text),
+    "assume_crs": Option("CRS of this layer, if its file states none", _crs_text),
     "band": Option("Number of the band to read, counted from 1", whole),
     "version": Option("Version of LAS to write, 1.0 to 1.4; that of the data by default", _version),
     "format": Option("Point format of LAS to write, 0 to 10; that of the data by default", _format),
@@ -307,7 +308,7 @@ def _cloud_or_survey(
     columns: Sequence[str] | None = None,
     separator: str | None = None,
     bounds: Sequence[float] | None = None,
-    assume_crs: CRS | None = None,
+    assume_crs: CRS | str | None = None,
     reading: Reading | None = None,
     ctx: Context = QUIET,
 ) -> PointCloud | Survey:
@@ -324,7 +325,7 @@ def _survey(
     *,
     columns: Sequence[str] | None = None,
     separator: str | None = None,
-    assume_crs: CRS | None = None,
+    assume_crs: CRS | str | None = None,
     reading: Reading | None = None,
     ctx: Context = QUIET,
 ) -> Survey:

@@ -34,6 +34,7 @@ from toolbox.shown import DELIVER, PAGE
 
 README = "README.txt"
 NOTHING = "nothing of this kind was asked for or found"
+NOT_HERE = "it was not made on this computer"  # how to get what is missing is not for a client
 
 
 def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
@@ -96,6 +97,16 @@ def problems(
     return {DELIVER: next(iter(found.values()))} if found else {}
 
 
+def tell_missing(writes: Mapping[str, Target]) -> None:
+    """Say before the work which files of the set will not be there, for want of a library.
+
+    It is no warning: reports and the README hold these, and go to people who cannot install it.
+    """
+    for name, target in _of_set(writes).items():
+        if target.missing:
+            log.info("%s will be left out: %s", name, target.missing)
+
+
 def _folder_problem(folder: Path) -> str | None:
     """Why nothing can be written in a folder that may have to be made; None if it can."""
     if folder.exists():
@@ -150,7 +161,7 @@ def write(
     others = {name: target for name, target in writes.items() if target is not notes}
     left_out = {n: why for n, t in others.items() if t.delivered and (why := _why_not(t, found))}
     for name, why in left_out.items():
-        level = logging.INFO if why == NOTHING else logging.WARNING
+        level = logging.INFO if why in (NOTHING, NOT_HERE) else logging.WARNING
         log.log(level, "%s is left out: %s", name, why)
     kept = {name: target for name, target in others.items() if name not in left_out}
     readme_path = notes.resolved
@@ -178,8 +189,8 @@ def write(
 
 def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
     """Why a file of the set cannot be written; None if it can."""
-    if missing := target.missing:
-        return missing
+    if target.missing:
+        return NOT_HERE
     if target.output == PAGE:
         return None
     layer = found.get(target.output)

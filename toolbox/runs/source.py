@@ -109,17 +109,18 @@ class Source:
             It cannot be read.
         """
         made = self._read(kind, crs, reading, ctx) if self.layer is None else self.layer
-        made = made if crs is None else _with_crs(made, crs)
+        made = made.with_crs(crs) if crs is not None and made.crs is None else made
         check_place(made, crs)
         return made
 
     def _read(self, kind: Kind, crs: CRS | None, reading: Reading | None, ctx: Context) -> Any:
         assert kind.open is not None
+        known = {"assume_crs": crs} if "assume_crs" in kind.open_options else {}
+        how: dict[str, Any] = {**known, **self.options}
         try:
             if not self.several:
-                return kind.open(self.paths[0], ctx=ctx, **self.options)
-            how = {"assume_crs": crs, "reading": reading}
-            return kind.open(self.points, ctx=ctx, **how, **self.options)
+                return kind.open(self.paths[0], ctx=ctx, **how)
+            return kind.open(self.points, ctx=ctx, reading=reading, **how)
         except ToolboxError:
             raise
         except (ValueError, TypeError) as err:
@@ -191,6 +192,8 @@ def opened(
             problems[name] = str(err)
     if problems:
         raise DataError(spec.id, problems)
+    if crs is not None:
+        _tell_of_others(spec, sources, layers, crs)
     return layers
 
 
@@ -221,14 +224,20 @@ def check_place(layer: Layer, assumed: CRS | None) -> None:
     if found is None:
         return
     if found.in_other_unit and same_crs(layer.crs, assumed):
-        raise DataError(f"{layer.name} {found.text} (--assume-crs)".strip())
+        raise DataError(f"{layer.name} {found.text} (assume_crs)".strip())
     log.warning("%s %s", layer.name or "the layer", found.text)
 
 
-def _with_crs(layer: Layer, crs: CRS) -> Layer:
-    if layer.crs is None:
-        return layer.with_crs(crs)
-    if not same_crs(layer.crs, crs):
+def _tell_of_others(spec: Spec, sources: Sources, layers: Mapping[str, Any], crs: CRS) -> None:
+    """Warn of layers that state another CRS than the assumed one, unless that was for others."""
+    found = [
+        (layer, "reproject" in source.options)
+        for name, items in sources.items()
+        for source, layer in zip(items, spec.sources[name].items(layers[name]), strict=True)
+        if layer.is_spatial
+    ]
+    if any(reprojected or same_crs(layer.crs, crs) for layer, reprojected in found):
+        return
+    for layer, _ in found:
         known, given = describe_crs(layer.crs), describe_crs(crs)
         log.warning("%s states its CRS, %s; %s is not assumed", layer.name, known, given)
-    return layer

@@ -130,7 +130,7 @@ def application(data: Path, state: Path, url: str, limits: Limits) -> Any:
         openapi = importlib.import_module("pygeoapi.openapi")
         flask = importlib.import_module("flask")
     except ImportError as err:
-        raise DataError(f"{err}; pip install 'lidar-toolbox[server]'") from None
+        raise DataError(f"{err}; pip install pygeoapi waitress") from None
     (state / "openapi.json").write_text(
         json.dumps(openapi.get_oas(says), default=str), encoding="utf-8"
     )

@@ -327,6 +327,7 @@ def _survey(
     (source,) = sources
     how = dict(source.options)
     bounds = how.pop("bounds", None)
-    survey = Survey.open(source.points, assume_crs=assume_crs, ctx=ctx.part(0, 0), **how)
+    how = {"assume_crs": assume_crs, **how}
+    survey = Survey.open(source.points, ctx=ctx.part(0, 0), **how)
     survey = survey.absolute()
     return survey.limited_to(bounds) if bounds else survey

@@ -454,7 +454,7 @@ def test_empty_layer_of_points_is_no_layer_of_polygons() -> None:
     [
         (UTM, CRS(32636), "reference: a.gpkg is in EPSG:32636 .*; reproject it to EPSG:32635"),
         (DEGREES, DEGREES, "areas: a.gpkg is in degrees .*; reproject it to a projected CRS"),
-        (None, None, "areas: a.gpkg has no CRS; state it with --assume-crs"),
+        (None, None, "areas: a.gpkg has no CRS; state it with assume_crs"),
         (UTM, FEET, "reference: a.gpkg is in EPSG:2263 .*; reproject it"),
     ],
 )

@@ -191,7 +191,8 @@ def test_points_without_a_surface_are_missing() -> None:
     layer = Vector(geopandas.GeoDataFrame(geometry=shapes, crs=UTM))
     out = CompareSurfaces(surface=raster(values), checkpoints=layer).run()
     assert (out.count, out.missing, out.absent) == (1, 3, 3)
-    with pytest.raises(DataError, match="no cell or point has a height in both"):
+    apart = r"in both: surface x \d+ to \d+, y \d+ to \d+; checkpoints x \d+ to \d+, y"
+    with pytest.raises(DataError, match=apart):
         CompareSurfaces(
             surface=slope(),
             checkpoints=Vector(geopandas.GeoDataFrame(geometry=shapes[3:], crs=UTM)),

@@ -110,7 +110,7 @@ def test_area_of_a_line_or_nothing_is_zero() -> None:
 @pytest.mark.parametrize(
     ("cloud", "text"),
     [
-        (grid(crs=None), "--assume-crs"),
+        (grid(crs=None), "assume_crs"),
         (grid(crs=CRS(4326)), "degrees"),
         (grid(2).select([]), "no points"),
         (grid(10, intensity=np.zeros(100, np.uint16)), "all intensities are 0"),

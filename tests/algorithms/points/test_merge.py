@@ -146,7 +146,7 @@ def test_formats_scales_and_extra_bytes_are_reconciled(
         ("EPSG:32634", "b.laz is in EPSG:32634 .*reproject it to EPSG:32635"),
         ("EPSG:2263", "b.laz is in EPSG:2263 .*reproject it to EPSG:32635"),  # feet
         ("EPSG:32635+5773", "b.laz is in EPSG:32635.5773 .*assign its heights"),
-        (None, "b.laz has no CRS; state it with --assume-crs"),
+        (None, "b.laz has no CRS; state it with assume_crs"),
     ],
 )
 def test_other_crs_units_and_heights_are_refused(

@@ -6,9 +6,12 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from affine import Affine
 from pyproj import CRS
 
+from toolbox.data import Drawing, PointCloud, Raster, Vector
 from toolbox.data.crs import (
     LOCAL,
     LOCALS,
@@ -67,7 +70,7 @@ def test_crs_without_a_code_is_described_by_its_name() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "2154", "Lambert-93", "+proj=utm +zone=31", "EPSG:999999", "EPSG:2154+", "PROJCS[", "a:b"],
+    ["", "215", "Lambert-93", "+proj=utm +zone=31", "EPSG:999999", "EPSG:2154+", "PROJCS[", "a:b"],
 )
 def test_other_text_is_refused_with_the_forms_that_work(text: str) -> None:
     with pytest.raises(ValueError, match=r"is not a CRS.*'EPSG:2154\+5720'.*WKT.*'local'") as error:
@@ -109,8 +112,8 @@ def test_lengths_need_one_unit_of_length(text: str, problem: str | None) -> None
 def test_unknown_crs_is_a_problem_that_says_what_to_do() -> None:
     text = length_problem(None)
     assert text is not None
-    assert "--assume-crs EPSG:..." in text
-    assert "--assume-crs local" in text
+    assert "assume_crs EPSG:..." in text
+    assert "assume_crs local" in text
     unknown = CRS.from_wkt(
         LOCAL.to_wkt().replace('LENGTHUNIT["metre",1]', 'LENGTHUNIT["unknown",1]')
     )
@@ -232,9 +235,9 @@ def test_heights_of_one_layer_alone_matter_only_where_heights_are_compared(a: st
         ("EPSG:4978", "EPSG:2154", "is in EPSG:4978 .*; reproject it to EPSG:2154 "),
         ("EPSG:2154+5720", "EPSG:2154+5721", r"5720 .*; bring its heights to EPSG:2154\+5721 "),
         ("EPSG:4979", "EPSG:4326+5773", "; bring its heights to EPSG:4326"),
-        (None, "EPSG:2154", "has no CRS; state it with --assume-crs, to go with EPSG:2154 "),
-        (None, "local", "has no CRS; state it with --assume-crs, to go with local coord"),
-        ("EPSG:2154", None, "is in EPSG:2154 .*; state with --assume-crs the missing CRS$"),
+        (None, "EPSG:2154", "has no CRS; state it with assume_crs, to go with EPSG:2154 "),
+        (None, "local", "has no CRS; state it with assume_crs, to go with local coord"),
+        ("EPSG:2154", None, "is in EPSG:2154 .*; state with assume_crs the missing CRS$"),
         ("local", "EPSG:2154", "is in local coordinates .*; it cannot be compared with EPSG:2154 "),
         ("EPSG:2154", "local", "is in EPSG:2154 .*; it cannot be compared with local coordinates"),
     ],
@@ -288,3 +291,28 @@ def test_local_coordinates_have_a_unit(word: str, metres: float, unit: str) -> N
     assert not any(same_crs(crs, other) for other in others)
     assert crs_conflict(crs, others[0], heights=True)
     assert not is_local(CRS(32635))
+
+
+@pytest.mark.parametrize("given", ["EPSG:32635", "32635", 32635, CRS(32635)])
+def test_layers_take_a_crs_as_it_is_said(given: CRS | str | int) -> None:
+    """A text would be found only by a tool, which then dies of it."""
+    import geopandas
+    import shapely
+
+    cloud = PointCloud([[0, 0, 0.0]], crs=given)
+    raster = Raster(np.zeros((1, 1)), Affine(1, 0, 0, 0, -1, 1), crs=given)  # type: ignore[arg-type]
+    point = Vector(geopandas.GeoDataFrame(geometry=[shapely.Point(0, 0)]))
+    plan = Drawing("A", (), (), crs=given)  # type: ignore[arg-type]
+    bare = PointCloud([[0, 0, 0.0]])
+    layers = [cloud, raster, plan, point.with_crs(given), bare.with_crs(given)]
+    layers.append(raster.with_crs(None).with_crs(given))
+    assert [layer.crs for layer in layers] == [CRS(32635)] * 6
+    with pytest.raises(DataError, match="crs: 'EPSG:1' is not a CRS that PROJ knows"):
+        PointCloud([[0, 0, 0.0]], crs="EPSG:1")
+
+
+def test_a_number_is_a_code_of_epsg() -> None:
+    assert parse_crs("28992") == CRS(28992)
+    assert parse_crs("28992+5709") == CRS("EPSG:28992+5709")
+    with pytest.raises(ValueError, match="'2' is not a CRS; give"):
+        parse_crs("2")

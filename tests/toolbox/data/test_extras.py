@@ -14,12 +14,12 @@ def test_a_library_of_the_system_that_is_not_there_is_told(
         raise OSError("cannot load library 'libpango-1.0-0'")
 
     monkeypatch.setattr(extras, "import_module", loads)
-    paper = Extra("Paper", "json", "pdf", "Pango, of the system: install it")
+    paper = Extra("Paper", "json", "Pango, of the system: install it")
     assert paper.missing() == "Paper needs Pango, of the system: install it"
-    assert Extra("Paper", "json", "pdf").missing() is None, "which needs nothing of the system"
+    assert Extra("Paper", "json").missing() is None, "which needs nothing of the system"
     assert capsys.readouterr().out == ""
 
 
 def test_a_library_that_is_not_there_is_told() -> None:
-    text = "Paper needs no_such_library: pip install lidar-toolbox[pdf]"
-    assert Extra("Paper", "no_such_library", "pdf", "Pango").missing() == text
+    text = "Paper needs no_such_library: pip install no_such_library"
+    assert Extra("Paper", "no_such_library", "Pango").missing() == text

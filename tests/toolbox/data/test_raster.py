@@ -181,7 +181,7 @@ def test_without_crs(tmp_path: Path) -> None:
     Raster(np.zeros((2, 2)), NORTH_UP).save(tmp_path / "a.tif")
     found = Raster.open(tmp_path / "a.tif")
     assert found.crs is None
-    assert "--assume-crs" in str(length_problem(found.crs))
+    assert "assume_crs" in str(length_problem(found.crs))
 
 
 @pytest.mark.parametrize("cog", [False, True])

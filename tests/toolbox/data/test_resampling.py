@@ -61,5 +61,5 @@ def test_a_map_in_another_crs_can_be_compared(
     given = ["run", "compare.rasters", "--classes", str(tmp_path / "ours.tif")]
     given += ["--reference", str(tmp_path / "theirs.tif")]
     assert main(given) == 3
-    assert "or read it with the option reproject=EPSG:32635" in capsys.readouterr().err
+    assert "or read it with --reference.reproject EPSG:32635" in capsys.readouterr().err
     assert main([*given, "--reference.reproject", "EPSG:32635"]) == 0

@@ -347,7 +347,7 @@ def test_folders_that_may_not_be_read(folder: Path, monkeypatch: pytest.MonkeyPa
     [
         ([CRS("EPSG:32631")], r"b\.laz is in EPSG:32631.*reproject it to EPSG:2154.*a\.las"),
         ([CRS("EPSG:2154")], r"b\.laz is in EPSG:2154 .*assign it the heights of"),
-        ([None], r"b\.laz has no CRS; state it with --assume-crs"),
+        ([None], r"b\.laz has no CRS; state it with assume_crs"),
         ([CRS("EPSG:2994"), None], r"b\.laz is in EPSG:2994.*\n.*c\.laz has no CRS"),
         ([CRS("EPSG:2154+6360")], r"b\.laz .*bring its heights to"),  # feet
     ],

@@ -209,7 +209,7 @@ def test_halo_is_in_metres() -> None:
 
 @pytest.mark.parametrize(
     ("crs", "text"),
-    [(None, "--assume-crs"), (DEGREES, "degrees"), (CRS("EPSG:2263+5703"), "vertical")],
+    [(None, "assume_crs"), (DEGREES, "degrees"), (CRS("EPSG:2263+5703"), "vertical")],
 )
 def test_lengths_without_meaning_are_refused(crs: CRS | None, text: str) -> None:
     with pytest.raises(DataError, match=text) as caught:

@@ -226,6 +226,30 @@ def test_what_needs_a_place_on_the_earth_is_left_out(model: str, tmp_path: Path)
     assert "- lines.kmz: Lines for Google Earth. the data have no CRS of the Earth" in text
 
 
+def test_a_client_is_not_told_what_to_install(
+    model: str,
+    points: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Who runs it is told before the work; the set only says that the file was not made."""
+    paper = "    - {file: a.pdf, from: page, help: Paper}\n"
+    Path(model).write_text(MODEL + paper)
+    monkeypatch.setattr("toolbox.data.extras.find_spec", lambda name: None)
+    seen: list[str] = []
+    ctx = Context(report=lambda share: seen.append(caplog.text))
+    with caplog.at_level("INFO", "toolbox"):
+        toolbox.run(model, {"points": points, "deliver": tmp_path / "out"}, ctx=ctx)
+    told = "deliver a.pdf will be left out: PDF needs weasyprint: pip install weasyprint"
+    assert told in seen[0], "before anything is read"
+    assert names(tmp_path / "out") == FILES
+    text = (tmp_path / "out" / "README.txt").read_text()
+    assert "- a.pdf: Paper. it was not made on this computer" in text
+    for file in ("README.txt", "report.html"):
+        assert "pip install" not in (tmp_path / "out" / file).read_text()
+
+
 QUALITY = """
     quality: {tool: points.survey_quality, points: {from: inputs.points}}
     ground: {tool: ground.classify, points: {from: inputs.points}}

@@ -153,7 +153,7 @@ def test_without_its_library(
 ) -> None:
     monkeypatch.setattr("toolbox.data.extras.find_spec", lambda name: None)
     assert main(["metadata", str(terrain(tmp_path / "dtm.tif")), *WHO]) == 3
-    assert "pip install lidar-toolbox[metadata]" in capsys.readouterr().err
+    assert "pip install pygeometa" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

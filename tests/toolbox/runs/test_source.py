@@ -143,6 +143,8 @@ def test_a_survey_takes_what_is_assumed_too(caplog: pytest.LogCaptureFixture) ->
     source = Source.of(EITHER, ["a.laz", "b.laz"])
     assert isinstance(source.open(EITHER), Survey)
     assert source.open(EITHER, CRS(32633)).crs == cloud([[0, 0, 0]]).crs
+    spec = catalog.load("points.info")
+    opened(spec, {"points": (source,)}, CRS(32633), None, Context())
     assert "is not assumed" in caplog.text
 
 
@@ -276,3 +278,21 @@ def test_rasters_and_features_far_from_their_crs_are_told(caplog: pytest.LogCapt
     far = raster([[1.0]], west=6.6e6, north=9e5)
     toolbox.run("surface.hillshade", {"surface": far})
     assert "far outside the area of use of EPSG:32635" in caplog.text
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("own", [True, False])
+def test_what_is_assumed_is_reprojected(own: bool, caplog: pytest.LogCaptureFixture) -> None:
+    """A table of check points in a CRS that it cannot state, other than that of the surface."""
+    raster([[1.0, 2.0]], crs=CRS(32635)).save("a.tif")
+    Path("a.csv").write_text("x,y,z\n500000,4600000,5\n")
+    table = {"path": "a.csv", "reproject": "EPSG:32635"}
+    spec = catalog.load("compare.surfaces")
+    assumed = {"assume_crs": "EPSG:32636"} if own else {}
+    found = of_run({"surface": "a.tif", "checkpoints": table | assumed}, spec)
+    assert not problems(found, spec)
+    with caplog.at_level("WARNING", "toolbox"):
+        made = opened(spec, found, None if own else CRS(32636), Reading(), Context())
+    assert made["checkpoints"].crs == CRS(32635)
+    assert made["checkpoints"].bounds[0] == pytest.approx(995_000, abs=10_000)
+    assert "is not assumed" not in caplog.text, "it was taken by the table"

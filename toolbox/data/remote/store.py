@@ -122,7 +122,7 @@ def _opened(url: str, timeout: float, connect: float, retries: int) -> tuple[Any
     try:
         from obstore.store import AzureStore, GCSStore, HTTPStore, S3Store
     except ImportError:
-        text = "to read from the web, install obstore (pip install lidar-toolbox[remote])"
+        text = "to read from the web, install obstore (pip install obstore)"
         raise DataError(text) from None
     how: dict[str, Any] = {
         "client_options": {

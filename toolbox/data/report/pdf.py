@@ -14,8 +14,6 @@ from toolbox.errors import DataError
 if TYPE_CHECKING:
     from toolbox.data.report.document import Report
 
-_HOW = "pip install lidar-toolbox[pdf]"
-
 
 def write_pdf(report: Report, path: Path, *, style: Path | None, logo: Path | None) -> None:
     """Write a report as a PDF; the same report makes the same bytes.

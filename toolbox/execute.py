@@ -12,13 +12,13 @@ from pyproj import CRS
 
 from toolbox import catalog, renamed
 from toolbox.context import QUIET, Context, listening, log
-from toolbox.data.crs import parse_crs
+from toolbox.data.crs import length_problem, metres_per_unit, parse_crs, short_unit
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError, memory_named
 from toolbox.models.model import Model, ModelRun
 from toolbox.reports.page import Told
-from toolbox.runs import delivery
+from toolbox.runs import cells, delivery
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
@@ -166,6 +166,8 @@ def _run(
     layers = sources.opened(spec, reads, crs, reading, ctx.part(0, READ - HASH))
     given_layers = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
     targets.check_crs(spec.id, writes, given_layers)
+    cells.check(spec, settings, layers)
+    _tell_lengths(spec, {n: settings[n] for n in given if n in settings}, layers)
     record = describe(reading, ctx=ctx.part(READ - HASH, READ)) if reading else None
     if reading:
         reading.check_unchanged()
@@ -188,6 +190,22 @@ def _run(
         )
     shown = {n: value for n, value in found.items() if n in spec.outputs or n in writes}
     return Results.of(spec, shown | done)
+
+
+def _tell_lengths(spec: Spec, given: Mapping[str, Any], layers: Mapping[str, Any]) -> None:
+    """Say what given lengths are in the unit of the data, where that is not the metre."""
+    found = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
+    crs = next((layer.crs for layer in found if layer.is_spatial and layer.crs), None)
+    if crs is None or length_problem(crs) or metres_per_unit(crs) == 1:
+        return
+    unit = short_unit(crs)
+    texts = [
+        f"{name} {value:.6g} m = {value / metres_per_unit(crs):.7g} {unit}"
+        for name, value in given.items()
+        if spec.inputs[name].unit == "m" and isinstance(value, int | float)
+    ]
+    if texts:
+        log.info("lengths are in metres, the data in %s: %s", unit, ", ".join(texts))
 
 
 def _crs(crs: str | CRS | None, where: str) -> CRS | None:

@@ -96,9 +96,13 @@ def described(tool: Mapping[str, Any]) -> dict[str, Any]:
     return made
 
 
+SPOKEN = ("choice", "option", "coordinates")
+"""Roles of the metadata of a field whose values are texts for people."""
+
+
 def _field(field: Mapping[str, Any]) -> dict[str, Any]:
     words = [
-        meta | {"value": text(meta["value"])} if meta["role"] in ("choice", "option") else meta
+        meta | {"value": text(meta["value"])} if meta["role"] in SPOKEN else meta
         for meta in field["metadata"]
     ]
     said = {name: text(field[name]) for name in ("title", "description")}

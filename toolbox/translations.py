@@ -15,7 +15,7 @@ from pathlib import Path
 
 import polib
 
-from toolbox import catalog
+from toolbox import catalog, language
 from toolbox.language import FOLDER
 
 CODE = Path(__file__).parent
@@ -36,8 +36,8 @@ def _of_tool(id: str) -> Iterator[str]:
     yield from filter(None, more.split("\n\n"))
     for field in [*tool["inputs"].values(), *tool["outputs"].values()]:
         yield from (field["title"], field["description"])
-        roles = ("choice", "option")
-        yield from (meta["value"] for meta in field["metadata"] if meta["role"] in roles)
+        spoken = (meta["value"] for meta in field["metadata"] if meta["role"] in language.SPOKEN)
+        yield from spoken
     for field in spec.inputs.values():  # words of a choice that says enough by itself
         if spec.id != "samples.scene":  # whose presets keep their names
             yield from (field.choice_title(choice) for choice in field.choices)

@@ -105,7 +105,8 @@ def is_layer(schema: Mapping[str, Any]) -> bool:
 def _add_input(group: Any, name: str, field: Description) -> None:
     says = {meta["role"]: meta["value"] for meta in field["metadata"]}
     schema = field["schema"]
-    rule = f" [{says['rule']}]" if "rule" in says else ""
+    said = [says.get("rule", ""), _unit(says), says.get("coordinates", "")]
+    rule = f" [{'; '.join(filter(None, said))}]" if any(said) else ""
     default = f" (default {schema['default']})" if "default" in schema else ""
     how: dict[str, Any] = {}
     if field["maxOccurs"] != 1 or says["type"] in SEVERAL:
@@ -116,6 +117,12 @@ def _add_input(group: Any, name: str, field: Description) -> None:
     text = labelled(name, field["title"], field["description"])
     _add(group, name, metavar=kind, help=text + rule + default, **how)
     _add_options(group, name, field)
+
+
+def _unit(says: Mapping[str, str]) -> str:
+    """The unit of a value, unless its rule has said it, or it has none."""
+    unit = says.get("unit", "1")
+    return "" if unit == "1" or says.get("rule", "").endswith(f" {unit}") else unit
 
 
 def _add_options(group: Any, name: str, field: Description) -> None:

@@ -53,6 +53,9 @@ NOT_STATED = "not stated by the data"
 """What :func:`height_system` says of heights that are not above a geoid."""
 
 _ELLIPSOID = "+ellipsoid"  # behind a code: heights are measured from the ellipsoid of its datum
+UNITS_OF_LENGTH = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937, "cm": 0.01, "mm": 0.001, "km": 1e3}
+"""Metres of the units that may be written behind a value, such as ``2ft``."""
+
 _UNITS = {1.0: "metre", 0.3048: "foot", 1200 / 3937: "US survey foot"}
 _UNITS |= {0.001: "millimetre", 0.01: "centimetre"}
 
@@ -231,6 +234,18 @@ def vertical_unit(crs: CRS | None) -> str:
     if vertical is None and horizontal.is_geographic:
         return ""
     return _unit_name(vertical or horizontal.axis_info[0])
+
+
+def short_unit(crs: CRS) -> str:
+    """The unit of lengths in a CRS, as it may be written behind a value.
+
+    Examples
+    --------
+    >>> short_unit(CRS(2263)), short_unit(CRS(32635))
+    ('us-ft', 'm')
+    """
+    factor, axis = metres_per_unit(crs), horizontal_crs(crs).axis_info[0]
+    return next((n for n, size in UNITS_OF_LENGTH.items() if _close(factor, size)), axis.unit_name)
 
 
 def has_heights(crs: CRS) -> bool:

@@ -77,7 +77,7 @@ def _said(error: BaseException) -> str:
     return str(error) if telling else f"{type(error).__name__}: {error}"
 
 
-def need_memory(size: float, text: str) -> None:
+def need_memory(size: float, text: str, advice: str = "") -> None:
     """Raise a MemoryShort unless so many bytes are free; asked before they are set aside.
 
     A system that lends more memory than it has ends the process only when it is used.
@@ -85,7 +85,7 @@ def need_memory(size: float, text: str) -> None:
     Raises
     ------
     MemoryShort
-        Begins with the text.
+        Begins with the text, and ends with the advice.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def need_memory(size: float, text: str) -> None:
     free = psutil.virtual_memory().available
     if size > free:
         have = f"{free / 1e9:.3g} GB are free"
-        raise MemoryShort(f"{text} needs {size / 1e9:.3g} GB of memory, and {have}")
+        raise MemoryShort(f"{text} needs {size / 1e9:.3g} GB of memory, and {have}{advice}")
 
 
 @dataclass

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import operator
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, cast
 
 from toolbox import __version__
+from toolbox.data.crs import UNITS_OF_LENGTH
 from toolbox.data.report import Column
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
@@ -17,7 +19,10 @@ from toolbox.declare.values import Range
 from toolbox.errors import DataError, ParameterError, ToolboxError, nearest
 from toolbox.labels import in_words
 
+COMMA = re.compile(r"-?\d+,\d+")  # a number as it is written where the comma is decimal
 METRE_POWERS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # exponents of the metre
+_SAID = re.compile(rf"(.*[\d.\s])({'|'.join(UNITS_OF_LENGTH)})([23]?)", re.I)  # 2ft, 0.5 m, 9 ft2
+_TIDY = 12  # digits: 2 ft said in metres are 2 in data in feet
 UNITS = (*METRE_POWERS, "1", "%", "deg", "s", "degC", "V", "kV", "A", "m/s", "W/m2")
 MEETS: Mapping[str, Callable[[Any, Any], bool]] = {
     "gt": operator.gt,
@@ -157,12 +162,27 @@ class Field:
         if self.kind is CHOICE:
             raise ValueError(self._item_problem(value))
         try:
-            return self.kind.parse(value)
+            return self._in_metres(value)
         except ToolboxError:
             raise
         except (ValueError, TypeError) as err:
+            comma = isinstance(value, str) and COMMA.fullmatch(value.strip())
             why = "" if self.kind.plain else f": {err}"
+            if self.kind.word == "number" and comma:
+                why = f"; did you mean {value.strip().replace(',', '.')}?"
+            elif self.unit == "m" and self.kind.word == "number" and str(value)[:1].isdigit():
+                why = f"; a unit behind it is one of {', '.join(UNITS_OF_LENGTH)}"
             raise ValueError(f"must be {_a(self.kind.word)}, got {value!r}{why}") from None
+
+    def _in_metres(self, value: Any) -> Any:
+        """Read a value; of a length, area or volume also one with its unit, such as 2ft."""
+        power = METRE_POWERS.get(self.unit or "", 0)
+        said = _SAID.fullmatch(value.strip()) if power > 0 and isinstance(value, str) else None
+        if said is None or self.kind.word not in ("number", "range"):
+            return self.kind.parse(value)
+        if int(said[3] or 1) != power:
+            raise ValueError
+        return _times(self.kind.parse(said[1].strip()), UNITS_OF_LENGTH[said[2].lower()] ** power)
 
     def to_json(self, value: Any) -> Any:
         """A value as JSON, from which the same value is parsed again."""
@@ -178,6 +198,8 @@ class Field:
             return value
         factor = metre**power
         scaled = tuple(_times(item, factor) for item in self.items(value))
+        if factor != 1:
+            scaled = tuple(map(_tidy, scaled))
         return scaled if self.many else scaled[0]
 
     def schema(self) -> dict[str, Any]:
@@ -372,6 +394,13 @@ def _times(value: Any, factor: float) -> Any:
     if isinstance(value, Range):
         return Range(*(number * factor for number in value))
     return value if value is None or isinstance(value, str) else value * factor
+
+
+def _tidy(value: Any) -> Any:
+    """A length in another unit without the last digits, which are those of the conversion."""
+    if isinstance(value, Range):
+        return Range(*map(_tidy, value))
+    return value if value is None or isinstance(value, str) else float(f"{value:.{_TIDY}g}")
 
 
 def _a(word: str) -> str:

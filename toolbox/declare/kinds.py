@@ -174,7 +174,14 @@ def _scalars() -> dict[Any, Kind]:
         CRS: Kind("CRS", text, _is(CRS), parse_crs, lambda crs: crs.to_string()),
         Attribute: Kind("attribute", text, _is(Attribute), lambda v: Attribute(_text(v)), str),
         DataFile: Kind("file", text, _is(DataFile), _file, str, plain=True),
-        Expression: Kind("expression", text, _is(Expression), lambda v: Expression(_text(v)), str),
+        Expression: Kind(
+            "expression",
+            text,
+            _is(Expression),
+            lambda v: Expression(_text(v)),
+            str,
+            coordinates="heights and all attributes in the units of the data",
+        ),
     }
 
 

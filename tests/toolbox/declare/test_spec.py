@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
+from toolbox import catalog
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL
@@ -400,3 +401,46 @@ def test_mistakes_in_how_outputs_are_shown_are_found_on_import(
 ) -> None:
     with pytest.raises(TypeError, match=text):
         declare_sink(kind, way)
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("2ft", 0.6096),
+        ("2 FT", 0.6096),
+        ("0.5m", 0.5),
+        ("-1e1 cm", -0.1),
+    ],
+)
+def test_a_length_may_have_its_unit(text: str, metres: float) -> None:
+    field = catalog.load("surface.contours").inputs["base"]
+    assert field.parse(text) == metres
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("base", "2 feet", r"got '2 feet'; a unit behind it is one of m, ft, us-ft, cm, mm, km$"),
+        ("base", "0,5", r"got '0,5'; did you mean 0.5\?$"),
+        ("base", "2ft2", "must be a number"),
+        ("index_every", "2m", "must be an integer"),
+    ],
+)
+def test_other_units_are_none(name: str, text: str, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        catalog.load("surface.contours").inputs[name].parse(text)
+
+
+def test_bands_and_areas_may_have_their_unit() -> None:
+    band = catalog.load("points.filter").inputs["elevation_above_lowest"]
+    assert band.parse("1,10ft") == (0.3048, 3.048)
+    smallest = catalog.load("shoreline.extract").inputs["min_area"]
+    assert smallest.parse("100 ft2") == pytest.approx(9.290304)
+    with pytest.raises(ValueError, match="must be a number"):
+        smallest.parse("100ft")
+
+
+def test_feet_said_in_metres_are_feet_in_the_data() -> None:
+    field = catalog.load("surface.contours").inputs["base"]
+    for unit, metre in (("ft", 1 / 0.3048), ("us-ft", 3937 / 1200)):
+        assert [field.scaled(field.parse(f"{n}{unit}"), metre) for n in (1, 3, 7)] == [1, 3, 7]

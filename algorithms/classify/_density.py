@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify._flatness import FLAT
+from algorithms.shared.kernels.sorting import stable
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import ReturnNumbers
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 
 CELL = 4.0  # metres, of the cells in which points are counted
-ROWS = 2.0**26  # more than the Earth has: numbers of cells are whole, and exact below 2**53
 RADIUS, CONTEXT, ALPHA = 1.0, 3.0, 1.5  # metres, where points are dense
 BY_SPACING = (1.75, 5.0, 2.25)  # times the spacing: the same where they are sparse, see the page
 LARGEST = (10.0, 20.0, 20.0)  # metres, for which halos are made
@@ -44,9 +44,9 @@ def _spacing(xyz: NDArray[np.float64], metre: float) -> float:
         return 1.0
     positions, _ = once_each(xyz)
     col, row = (np.floor(positions[:, axis] / (CELL * metre)) for axis in (0, 1))
-    cell = (col - col.min()) * ROWS + (row - row.min())
-    cell.sort()
-    edges = np.flatnonzero(np.diff(cell, prepend=-1.0, append=-1.0))
+    cell = (col - col.min()) * (row.max() - row.min() + 1) + (row - row.min())
+    _, cells = stable(cell.astype(np.int64))
+    edges = np.flatnonzero(np.diff(cells, prepend=-1, append=-1))
     per_area = float(np.median(np.diff(edges))) / CELL**2
     return float(2.0 ** (-np.rint(np.log2(per_area)) / 2))
 

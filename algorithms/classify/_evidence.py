@@ -21,7 +21,7 @@ from algorithms.classify._flatness import FLAT
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
-from algorithms.shared.kernels.sorting import add_ranges, grouped
+from algorithms.shared.kernels.sorting import sums_around
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers, let_through
@@ -293,28 +293,20 @@ def means_around(
     """
     if not len(xyz):
         return np.zeros(values.shape)
-    cells = np.floor(xyz).astype(np.int64)
-    cells -= cells.min(axis=0) - int(reach) - 1
-    if cells.max() >= MOST:
+    floors = [np.floor(axis).astype(np.int64) for axis in xyz.T]
+    cells = [axis - (axis.min() - int(reach) - 1) for axis in floors]
+    if max(axis.max() for axis in cells) >= MOST:
         raise DataError(f"points: they extend over more than {MOST} m: remove stray points")
-    size = cells.max(axis=0) + int(reach) + 2
-    strides = np.array([size[1] * size[2], size[2], 1])
-    keys = cells @ strides + group * (size[0] * strides[0])
-    ctx.progress(0.1)
-    own, place = grouped(keys)
-    ctx.progress(0.4)
-    before = np.zeros((len(own) + 1, 1 + values.shape[1]), np.int64)
-    before[1:, 0] = np.bincount(place)
-    for k, column in enumerate(values.T, start=1):
-        before[1:, k] = np.bincount(place, np.rint(column * FINE))  # exact
-        ctx.progress(0.4 + 0.2 * k / values.shape[1])
-    np.cumsum(before, axis=0, out=before)
-    total = np.zeros((len(own), before.shape[1]), np.int64)
-    columns = _ball(reach)
-    for done, (east, north, far) in enumerate(columns):
-        add_ranges(own, east * strides[0] + north * strides[1], far, before, total)
-        ctx.progress(0.6 + 0.4 * (done + 1) / len(columns))
-    return _frozen((total[:, 1:] / FINE / total[:, :1])[place])
+    size = [int(axis.max()) + int(reach) + 2 for axis in cells]
+    strides = size[1] * size[2], size[2]
+    keys = cells[0] * strides[0] + cells[1] * strides[1] + cells[2]
+    keys[group] += size[0] * strides[0]
+    ctx.progress(0.2)
+    east, north, far = _ball(reach).T
+    step = east * strides[0] + north * strides[1]
+    total, place = sums_around(keys, [np.rint(one * FINE) for one in values.T], step, far)
+    ctx.progress(0.9)
+    return _frozen((total[:, 1:] / FINE / total[:, :1]).take(place, axis=0))
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

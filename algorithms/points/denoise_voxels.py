@@ -17,7 +17,7 @@ from algorithms.points import _noise
 from algorithms.points._groups import ROUNDING, cells
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
-from algorithms.shared.kernels.sorting import add_ranges, grouped
+from algorithms.shared.kernels.sorting import sums_around
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
@@ -27,9 +27,9 @@ from toolbox.errors import DataError
 LOW, HIGH = 7, 18  # classes of noise, ASPRS LAS 1.4
 FINE = 1000.0  # steps of a voxel in which heights are summed up, so that sums are exact
 MOST = 1 << 60  # voxels in the box around the points, and one more at the end of each row
+NEXT = (-1, 0, 1)  # cells before, its own and after
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Verdicts = NDArray[np.uint8]
 
 
@@ -141,39 +141,16 @@ def isolated(xyz: Floats, voxel: float, most: int, *, ctx: Context = QUIET) -> V
     if size[0] * size[1] * size[2] > MOST:
         raise DataError(f"points: they extend over more than {MOST} voxels: remove stray points")
     column = place[:, 0] * size[1] + place[:, 1]
-    count = _around(column * size[2] + place[:, 2], (size[1] * size[2], size[2]), ())[:, 0]
+    step = np.array([east * size[1] + north for east in NEXT for north in NEXT])
+    one = np.ones_like(step)
+    found, cell = sums_around(column * size[2] + place[:, 2], (), step * size[2], one)
+    count = found[cell, 0]
     ctx.progress(0.5)
     if not (noise := count <= most).any():
         return verdict
     steps = np.rint(xyz[:, 2] / voxel * FINE)
-    held, height = _around(column, (size[1], 1), (steps,)).T
+    found, cell = sums_around(column, (steps,), size[1] * np.array(NEXT), one[: len(NEXT)])
+    held, height = found[cell].T
     above = steps * held > height
     verdict[noise] = np.where(above[noise], HIGH, LOW)
     return verdict
-
-
-def _around(number: Ints, stride: tuple[int, int], values: tuple[Floats, ...]) -> Ints:
-    """Number of points, and sums of their values, in the cells around that of each point.
-
-    Parameters
-    ----------
-    number : of the cell of each point, array of shape (n,)
-    stride : from a cell to the next one to the east and to the north; with a stride of 1 to the
-        north there are no cells above each other
-    values : of the points, whole numbers; arrays of shape (n,)
-
-    Returns
-    -------
-    array of shape (n, 1 + values)
-    """
-    own, place = grouped(number)
-    before = np.zeros((len(own) + 1, 1 + len(values)), np.int64)
-    before[1:, 0] = np.bincount(place)
-    for k, column in enumerate(values, start=1):
-        before[1:, k] = np.bincount(place, column)
-    np.cumsum(before, axis=0, out=before)
-    total = np.zeros((len(own), before.shape[1]), np.int64)
-    for east in (-1, 0, 1):
-        for north in (-1, 0, 1) if stride[1] > 1 else (0,):
-            add_ranges(own, east * stride[0] + north * stride[1], 1, before, total)
-    return total[place]

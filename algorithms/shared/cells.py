@@ -58,16 +58,20 @@ class SortedCells:
             A coordinate is not a finite number.
         """
         require_finite(xyz)
-        low = xyz.min(axis=0) if len(xyz) else np.zeros(3)
-        extent = float((xyz - low).max(initial=0.0))
-        side = max(radius * WIDER, extent / MOST)
-        cell = ((xyz - low) / side).astype(np.int64) + 1
-        size = cell.max(axis=0, initial=1) + 2  # an empty cube on each side, so that none is beside
+        # Axis by axis, in which numpy is several times as fast as with short rows.
+        low = np.array([x.min() for x in xyz.T]) if len(xyz) else np.zeros(3)
+        high = np.array([x.max() for x in xyz.T]) if len(xyz) else np.zeros(3)
+        side = max(radius * WIDER, float((high - low).max()) / MOST)
+        size = ((high - low) / side).astype(
+            np.int64
+        ) + 3  # empty ones around, so that none is beside
         stride = int(size[1] * size[2]), int(size[2])
-        key = cell[:, 0] * stride[0] + cell[:, 1] * stride[1] + cell[:, 2]
+        key = np.full(len(xyz), stride[0] + stride[1] + 1)
+        for x, least, step in zip(xyz.T, low, (*stride, 1), strict=True):
+            key += ((x - least) / side).astype(np.int64) * step
         order, key = stable(key)
         first = np.flatnonzero(np.diff(key, prepend=-1))
-        return cls(xyz[order], order, key[first], np.append(first, len(key)), stride)
+        return cls(xyz.take(order, axis=0), order, key[first], np.append(first, len(key)), stride)
 
     @property
     def runs(self) -> list[tuple[int, int]]:

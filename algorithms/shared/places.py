@@ -14,7 +14,7 @@ from toolbox.context import QUIET, Context, log
 RUN = 200_000  # points that one thread takes at a time
 WIDER = 1.001  # times a reach, so that rounding puts no neighbour two cells away
 MOST = 4096  # cells along an axis; wider ones are taken beyond that
-MARKS = 1 << 22  # so many that numbers of few points fall together by chance
+MARKS = 16  # for each point at least: so many that few points share one by chance
 
 Array = NDArray[np.float64]
 
@@ -33,22 +33,41 @@ def once_each(xyz: Array) -> tuple[Array, NDArray[np.int64] | slice]:
     array([0, 1, 0, 2])
     """
     keys = random_keys(xyz, 0)
-    ordered = np.sort(keys)
-    shared = ordered[1:][ordered[1:] == ordered[:-1]]
-    if not len(shared):
-        return xyz, slice(None)
-    marked = np.zeros(MARKS, bool)  # sorting all points takes far longer than sorting these
-    marked[shared % MARKS] = True
-    some = np.flatnonzero(marked[keys % MARKS])
+    # Sorting all points takes far longer than sorting those that may share their place.
+    some = np.flatnonzero(_may_share(keys, np.zeros(_bytes_for(len(keys)), np.uint8)))
     some = some[np.argsort(keys[some], kind="stable")]
     again = np.zeros(len(some), bool)
     again[1:] = (xyz[some[1:]] == xyz[some[:-1]]).all(axis=1)
+    if not again.any():
+        return xyz, slice(None)
     kept = np.ones(len(xyz), bool)
     kept[some[again]] = False
     place = np.cumsum(kept) - 1
     place[some] = place[some[np.maximum.accumulate(np.where(again, 0, np.arange(len(some))))]]
     log.info("%d points share their place with another", np.count_nonzero(again))
     return xyz[kept], place
+
+
+def _bytes_for(points: int) -> int:
+    """Bytes that hold MARKS marks of two bits for each point; a power of two."""
+    return 1 << (max(1, points) * MARKS // 4 - 1).bit_length()
+
+
+@njit(cache=True, nogil=True)
+def _may_share(keys, marks):
+    """True for points whose mark is that of another point, as it is for all of equal keys.
+
+    A byte holds four marks: a bit for one that some point has, and a bit for two or more.
+    """
+    last = np.uint64(len(marks) - 1)
+    for key in keys:
+        byte, bit = key & last, np.uint8(1) << np.uint8(key >> np.uint64(62))
+        marks[byte] |= (marks[byte] & bit) << np.uint8(4) | bit
+    found = np.empty(len(keys), np.bool_)
+    for i in range(len(keys)):
+        bit = np.uint8(16) << np.uint8(keys[i] >> np.uint64(62))
+        found[i] = marks[keys[i] & last] & bit != 0
+    return found
 
 
 def may_be_near(xy: Array, places: Array, reach: float) -> NDArray[np.bool_]:

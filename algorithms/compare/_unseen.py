@@ -84,7 +84,7 @@ def warn_outside(shapes: Shapes, other: Shapes, whose: str, of: str) -> None:
         log.warning(
             "%s: %d of %d polygons (%.0f %% of their area) lie outside of the rectangle around all "
             "of %s, and count as errors; if one layer extends farther than the other, give "
-            "coverage or extent, where both are complete",
+            "`coverage` or `extent`, where both are complete",
             whose,
             np.count_nonzero(away),
             len(shapes),

@@ -276,7 +276,7 @@ def _warn_of_rings(own: Route, other: Route) -> None:
     if names:
         log.warning(
             "polynomial: %s closed, so that an x has more than one y; compare a reach "
-            "of them, with extent or coverage",
+            "of them, with `extent` or `coverage`",
             " and ".join(names),
         )
 

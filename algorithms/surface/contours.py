@@ -16,6 +16,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
 from toolbox.data.report import Column
 from toolbox.declare import outputs, param, sink, source, tool
+from toolbox.declare.show import Isolines, Texts
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ class SurfaceContours:
         contours: Vector = sink(
             "Lines with Z and the attributes elevation and is_index",
             columns={"elevation": ELEVATION, "is_index": Column("Index contour")},
+            show=Isolines("elevation", heavy="is_index"),
         )
         labels: Vector = sink(
             "Where the heights of index contours are written: text, angle",
@@ -110,6 +112,7 @@ class SurfaceContours:
                 "text": Column("Text"),
                 "angle": Column("Angle of the text, counterclockwise", "°", 0),
             },
+            show=Texts("text", angle="angle"),
         )
         levels: int = sink("Number of levels that have lines", unit="1", label="Number of levels")
         left_out: int = sink("Lines shorter than min_length", unit="1", label="Lines left out")

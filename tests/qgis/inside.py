@@ -17,14 +17,18 @@ import threading
 import time
 import traceback
 import zipfile
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 
+from osgeo import gdal
 from qgis.core import (
     NULL,
     QgsApplication,
     QgsCoordinateReferenceSystem,
     QgsCoordinateTransform,
+    QgsExpression,
+    QgsExpressionContext,
     QgsFeature,
     QgsGeometry,
     QgsMapLayerType,
@@ -46,6 +50,7 @@ from qgis.core import (
     QgsVectorFileWriter,
     QgsVectorLayer,
 )
+from qgis.PyQt.QtCore import Qt
 
 PROFILE, CLOUD, FOLDER = sys.argv[1], sys.argv[2], Path(sys.argv[3])
 ONLY = sys.argv[4:]
@@ -642,9 +647,74 @@ def check_layers_are_loaded_in_colours() -> None:
     assert type(layer.renderer()).__name__ == "QgsSingleBandGrayRenderer"
     layer = square()
     looks = [["critical", "Urgent", "#b2182b"]]
-    styling.style(layer, COLOURS, {"attribute": "severity", "looks": looks})
+    styling.style(layer, COLOURS, {"classes": {"attribute": "severity", "looks": looks}})
     colours = {c.value(): c.symbol().color().name() for c in layer.renderer().categories()}
     assert colours == {"critical": "#b2182b", "low": COLOURS["other"][0]}
+
+
+def check_a_few_bright_cells_do_not_darken_a_raster() -> None:
+    place = out("bright.tif")
+    made = gdal.GetDriverByName("GTiff").Create(place, 100, 100, 1, gdal.GDT_Float32)
+    made.GetRasterBand(1).SetDescription("intensity (mean)")
+    values = [30.0 + n % 450 for n in range(10000)]
+    values[5000:5010] = [10062.0] * 10  # a tenth of a percent, as of a glass roof
+    made.GetRasterBand(1).WriteRaster(0, 0, 100, 100, array("f", values).tobytes())
+    made = None
+    layer = QgsRasterLayer(place, "bright")
+    styling.style(layer, COLOURS)
+    stretch = layer.renderer().contrastEnhancement()
+    assert 25 < stretch.minimumValue() < 50, stretch.minimumValue()
+    assert 450 < stretch.maximumValue() < 500, stretch.maximumValue()
+
+
+def check_features_hide_nothing_and_index_lines_have_their_height() -> None:
+    layer = square()
+    styling.style(layer, COLOURS)
+    assert layer.renderer().symbol().symbolLayer(0).brushStyle() == Qt.BrushStyle.NoBrush
+    run("surface.grid", POINTS=CLOUD, CELL=2.0, SURFACE=out("slope.tif"))
+    lines, labels = out("lines.gpkg"), out("heights.gpkg")
+    run("surface.contours", SURFACE=out("slope.tif"), INTERVAL=0.5, CONTOURS=lines, LABELS=labels)
+    fields = {f["name"]: f for f in provider.algorithm("surfacecontours").tool["outputs"]}
+    layer = QgsVectorLayer(lines, "lines")
+    styling.style(layer, COLOURS, fields["contours"])
+    widths = {c.value(): c.symbol().width() for c in layer.renderer().categories()}
+    assert widths[True] > 2 * widths[False], widths
+    assert layer.labelsEnabled()
+    text = QgsExpression(layer.labeling().settings().fieldName)
+    for feature in layer.getFeatures():
+        scope = QgsExpressionContext()
+        scope.setFeature(feature)
+        index = feature["is_index"]
+        assert text.evaluate(scope) == (feature["elevation"] if index else None), index
+    layer = QgsVectorLayer(labels, "heights")
+    styling.style(layer, COLOURS, fields["labels"])
+    assert layer.renderer().type() == "nullSymbol"
+    assert layer.labeling().settings().fieldName == '"text"'
+
+
+def check_what_is_told_of_results() -> None:
+    """Numbers with their unit, where points are that are not shown, and no box left alone."""
+    feedback, ctx, place = Feedback(), context(), out("kept of a run.laz")
+    provider_there = "pdal" in QgsProviderRegistry.instance().providerList()
+    run("points.filter", feedback, POINTS=CLOUD, WHERE="intensity > 500", KEPT=place)
+    assert any(text.startswith("Removed share: 0.") for text in feedback.said), feedback.said
+    assert provider_there or any(f"written to {place}" in text for text in feedback.said)
+    model = provider.algorithm("modelsterrain").create()
+    values = {d.name(): d.defaultValue() for d in model.parameterDefinitions()}
+    values = {name: value for name, value in values.items() if value is not None}
+    feedback, dtm = Feedback(), out("untouched.tif")
+    details = QgsProcessingContext.LayerDetails("Terrain (DTM)", QgsProject.instance(), "DTM")
+    ctx.addLayerToLoadOnCompletion(dtm, details)
+    _, ok = model.run(values | {"POINTS": CLOUD, "CELL": 2.0, "DTM": dtm}, ctx, feedback)
+    assert ok, feedback.said
+    assert {"INTERVAL", "CONTOUR_TOLERANCE"} <= values.keys()
+    assert not any("is not used" in text for text in feedback.said), feedback.said
+    assert ctx.layerToLoadOnCompletionDetails(dtm).name == "Terrain (DTM): punkte"
+    feedback = Feedback()
+    run("models.terrain", feedback, POINTS=CLOUD, CELL=2.0, INTERVAL=0.3, DTM=dtm)
+    assert any("interval: is not used" in text for text in feedback.said), feedback.said
+    told = model.in_words_of_the_dialog("contour_length: is not used; give `cell`, as x_y.laz")
+    assert told == "“Contour length”: is not used; give “Cell size”, as x_y.laz", told
 
 
 def check_a_layer_that_was_not_written_is_not_loaded() -> None:

@@ -99,6 +99,60 @@ class Values(_ByAttribute):
 
 
 @dataclass(frozen=True)
+class Isolines:
+    """Lines of one number each, such as contours; heavy ones are index lines.
+
+    Attributes
+    ----------
+    attribute : number of the line
+    heavy : attribute that is true for index lines
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (Vector,)
+    optional: ClassVar[bool] = False
+
+    attribute: str
+    heavy: str
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the layer must have."""
+        return self.attribute, self.heavy
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return (self.attribute,)
+
+
+@dataclass(frozen=True)
+class Texts:
+    """Points where texts are written.
+
+    Attributes
+    ----------
+    text : what is written
+    angle : degrees, counterclockwise from the direction of x, at which it is read
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (Vector,)
+    optional: ClassVar[bool] = False
+
+    text: str
+    angle: str
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the layer must have."""
+        return self.text, self.angle
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return (self.angle,)
+
+
+@dataclass(frozen=True)
 class Profile:
     """Values over the way along lines, beside the map of points on these.
 
@@ -252,4 +306,6 @@ class Curve:
         return tuple(axis.column for axis in (self.over, *self.lines))
 
 
-Show: TypeAlias = Classes | Planes | Values | Profile | Histogram | Matrix | Curve
+Show: TypeAlias = (
+    Classes | Planes | Values | Isolines | Texts | Profile | Histogram | Matrix | Curve
+)

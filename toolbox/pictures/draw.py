@@ -22,7 +22,17 @@ from toolbox.data.crs import crs_conflict
 from toolbox.data.layer import Layer
 from toolbox.data.record import CHUNK, checked
 from toolbox.declare.fields import Field
-from toolbox.declare.show import Classes, Curve, Histogram, Matrix, Profile, Show, Values
+from toolbox.declare.show import (
+    Classes,
+    Curve,
+    Histogram,
+    Isolines,
+    Matrix,
+    Profile,
+    Show,
+    Texts,
+    Values,
+)
 from toolbox.errors import DataError, nearest
 from toolbox.pictures.charts import Bars, Curves, Sections
 from toolbox.pictures.features import Coloured
@@ -175,7 +185,7 @@ def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> 
             ways: Sequence[Show | None] = (shows or [None]) if len(layer) else []
             panels += [_of_image(title, layer.crs, cloud_image(layer, way)) for way in ways]
         case Vector():
-            colours = (show for show in shows if isinstance(show, Classes | Values))
+            colours = (s for s in shows if isinstance(s, Classes | Values | Isolines | Texts))
             coloured = layer, next(colours, None)
             if is_apart(shows):
                 alone: list[Drawn] = []

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import Vector
-from toolbox.declare.show import Classes, Values
+from toolbox.declare.show import Classes, Isolines, Texts, Values
 from toolbox.pictures.images import OTHER, Key, Ramp, ramp_of
 
 _MOST_WORDS = 12
 _RANGES = 6  # of numbers, as classes
 _UNKNOWN = "#9a9a9a"
 
-Coloured = tuple[Vector, Classes | Values | None]
+Coloured = tuple[Vector, Classes | Values | Isolines | Texts | None]
 """A layer and how it is shown."""
 
 
@@ -48,7 +48,7 @@ def feature_classes(features: Coloured) -> list[tuple[str, str, NDArray[np.bool_
     if key is None:
         return []
     layer, show = features
-    assert show is not None
+    assert isinstance(show, Classes | Values)
     if isinstance(key, Ramp):
         values = layer.frame[show.attribute].to_numpy(float)
         edges = np.linspace(key.low, key.high, _RANGES + 1)
@@ -78,7 +78,7 @@ def feature_colours(features: Coloured, key: Key) -> NDArray[Any]:
     from matplotlib.colors import to_rgba
 
     layer, show = features
-    assert show is not None
+    assert isinstance(show, Classes | Values)
     if isinstance(key, Ramp):
         values = layer.frame[show.attribute].to_numpy(float)
         share = np.clip((values - key.low) / (key.high - key.low), 0, 1)

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.data import Vector
 from toolbox.data.crs import length_problem, vertical_unit
+from toolbox.declare.show import Isolines, Texts
 from toolbox.pictures.features import Coloured, feature_colours, feature_key
 from toolbox.pictures.images import LENGTHS, Bounds, Image, Key, Looks, Ramp
 
@@ -24,6 +26,8 @@ Box = tuple[float, float, float, float]  # left, bottom, width, height
 _EMPTY, _PAPER = "#ccd3db", "#f6f6f4"  # no data in a map is no colour of its key
 INK = "#3a3a3a"
 _FEW = 500  # features that have room for large dots
+_TEXT_WIDTH = 0.3  # inches around a text that others leave free: one of six digits
+_LIGHT, _HEAVY = 0.35, 1.1  # points, widths of isolines; 0.8 of other lines
 _LINE, _SHADOW = "#1f3a5f", "#9a9a9a"
 WIDTH = 4.4  # inches of a map
 _FLATTEST, _TALLEST = 0.25, 1.6  # height of a map to its width
@@ -78,7 +82,7 @@ class Panel:
             if self.image is None and self.key is not None and number == 0:
                 _show_coloured(axes, vector[0], feature_colours(vector, self.key))
             else:
-                _show_vector(axes, vector[0], over=self.image is not None)
+                _show_vector(axes, vector, self.bounds, over=self.image is not None)
         west, south, east, north = self.bounds
         axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
         axes.set_title(self.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
@@ -272,11 +276,18 @@ def round_length(length: float) -> float:
 # Vectors -----------------------------------------------------------------------------------
 
 
-def _show_vector(axes: Axes, vector: Vector, *, over: bool) -> None:
+def _show_vector(axes: Axes, features: Coloured, bounds: Bounds, *, over: bool) -> None:
     """Draw a vector layer in one colour: filled, or with light edges over an image."""
     import shapely
     from matplotlib.collections import LineCollection
 
+    vector, show = features
+    if isinstance(show, Isolines):
+        _show_isolines(axes, vector, show)
+        return
+    if isinstance(show, Texts):
+        _show_texts(axes, vector, show, bounds)
+        return
     parts = shapely.get_parts(shapely.force_2d(vector.frame.geometry.to_numpy()))
     kind = shapely.get_dimensions(parts)
     polygons = [_rings(polygon) for polygon in parts[kind == 2]]
@@ -290,6 +301,46 @@ def _show_vector(axes: Axes, vector: Vector, *, over: bool) -> None:
     points = shapely.get_coordinates(parts[kind == 0])
     size, edge = (3, 0.5) if len(points) <= _FEW else (1.2, 0)  # many, as corners of a line
     axes.plot(*points.T, "o", ms=size, mfc=_LINE, mec="white", mew=edge, ls="none")
+
+
+def _show_isolines(axes: Axes, vector: Vector, show: Isolines) -> None:
+    """Draw thin lines, and heavy ones where they are index lines."""
+    import shapely
+    from matplotlib.collections import LineCollection
+
+    shapes = shapely.force_2d(vector.frame.geometry.to_numpy())
+    parts, feature = shapely.get_parts(shapes, return_index=True)
+    heavy = vector.frame[show.heavy].to_numpy(bool)[feature]
+    lines = [shapely.get_coordinates(line) for line in parts]
+    widths = [_HEAVY if index else _LIGHT for index in heavy]
+    axes.add_collection(LineCollection(lines, colors=_LINE, linewidths=widths))
+
+
+def _show_texts(axes: Axes, vector: Vector, show: Texts, bounds: Bounds) -> None:
+    """Write texts at points, on paper that hides the line below, but for those upon others."""
+    import shapely
+
+    places = shapely.get_coordinates(vector.frame.geometry.to_numpy())
+    texts, angles = vector.frame[show.text].to_numpy(), vector.frame[show.angle].to_numpy(float)
+    paper: dict[str, Any] = {"facecolor": _PAPER, "edgecolor": "none", "pad": 0.4}
+    for n in _apart(places, _TEXT_WIDTH / WIDTH * (bounds[2] - bounds[0])):
+        x, y = places[n]
+        written = axes.text(x, y, str(texts[n]), fontsize=5.5, color=_LINE, bbox=paper)
+        written.set(rotation=angles[n], ha="center", va="center", clip_on=True)
+
+
+def _apart(places: NDArray[np.float64], far: float) -> list[int]:
+    """Indices of places that are this far from each other; of those closer the first stays.
+
+    >>> _apart(np.array([[0.0, 0.0], [3.0, 0.0], [9.0, 0.0]]), 5.0)
+    [0, 2]
+    """
+    squares = np.unique(np.floor(places / far), axis=0, return_index=True)[1]
+    kept: list[int] = []
+    for n in sorted(squares.tolist()):
+        if all(np.hypot(*(places[n] - places[k])) >= far for k in kept):
+            kept.append(n)
+    return kept
 
 
 def _show_coloured(axes: Axes, vector: Vector, colours: NDArray[Any]) -> None:

@@ -17,7 +17,7 @@ from toolbox.data import Raster, Report, Table
 from toolbox.data.paths import READABLE, VPC
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import CHOICE, find
-from toolbox.declare.show import Classes
+from toolbox.declare.show import Classes, Isolines, Texts
 from toolbox.errors import ParameterError
 from toolbox.labels import in_words
 from toolbox.models.model import Model
@@ -37,6 +37,7 @@ TAGS = ("lidar", "las", "laz", "point cloud")
 ASSUME_CRS = "assume_crs"
 GRID = find(Raster)
 SHOWN_OF_SET = (".tif", ".gpkg", ".laz")  # files of the set that is handed over
+LOOKS = ("classes", "isolines", "texts")  # how a layer may be drawn
 SHOWN_AT_ONCE = 12  # inputs of a dialog; optional ones after these are "advanced"
 
 
@@ -98,8 +99,15 @@ def tool(spec: Spec) -> dict[str, Any]:
 
 
 def _tags(spec: Spec) -> list[str]:
-    words = re.findall(r"[a-z]{3,}", f"{spec.id} {spec.title} {spec.summary}".lower())
+    """What a search finds a tool by: also the names of its layers and of what it hands over."""
+    layers = [name for name, f in _fields(spec).items() if f.kind.is_layer]
+    named = " ".join([*layers, *(one.file.partition(".")[0] for one in spec.deliver)])
+    words = re.findall(r"[a-z]{3,}", f"{spec.id} {spec.title} {spec.summary} {named}".lower())
     return list(dict.fromkeys([*TAGS, spec.id, *spec.tags, *words]))
+
+
+def _fields(spec: Spec) -> dict[str, Field]:
+    return {**spec.inputs, **spec.outputs}
 
 
 def _inputs(spec: Spec) -> list[dict[str, Any]]:
@@ -135,8 +143,7 @@ def field(f: Field) -> dict[str, Any]:
     made |= {"label": label, "many": f.many}
     if f.role == "sink":
         made |= {"suffixes": list(f.suffixes)} if f.kind.is_layer else {}
-        classes = next((show for show in f.show if isinstance(show, Classes)), None)
-        return made | ({"classes": _classes(classes)} if classes else {})
+        return made | _shown_as(f)
     offers = f.offers or (f.choices if f.kind is not CHOICE else ())
     made |= {"offers": list(map(str, offers))} if offers else {}
     if made["type"] == "classes":
@@ -166,10 +173,18 @@ def _type(f: Field) -> str:
     return "length" if f.unit == "m" and f.kind.word == "number" else f.kind.word.lower()
 
 
-def _classes(show: Classes) -> dict[str, Any]:
-    """The attribute by which a layer is coloured, and name and colour of its values."""
-    looks = [[value, *look] for value, look in show.looks.items()]
-    return {"attribute": show.attribute, "looks": looks}
+def _shown_as(f: Field) -> dict[str, Any]:
+    """How an output is drawn, as far as QGIS can: by classes, as isolines or as texts."""
+    for show in f.show:
+        match show:
+            case Classes():
+                looks = [[value, *look] for value, look in show.looks.items()]
+                return {"classes": {"attribute": show.attribute, "looks": looks}}
+            case Isolines():
+                return {"isolines": {"attribute": show.attribute, "heavy": show.heavy}}
+            case Texts():
+                return {"texts": {"text": show.text, "angle": show.angle}}
+    return {}
 
 
 def _default(f: Field) -> Any:
@@ -245,10 +260,18 @@ def _shown() -> list[dict[str, Any]]:
 
 
 def _results(spec: Spec) -> list[dict[str, Any]]:
-    """The entries of the outputs; QGIS writes the first by default, or all of a model."""
+    """The entries of the outputs; QGIS writes the first by default, or all of a model.
+
+    Where that is points, which not every QGIS can show, the first of those that it can is written
+    as well.
+    """
     made = [field(f) for f in spec.outputs.values()]
     layers = [out for out in made if "suffixes" in out]
-    for out in layers if isinstance(spec, Model) else layers[:1]:
+    seen = [out for out in layers if out["type"] in ("raster", "vector")]
+    first = layers[:1]
+    if first and first[0]["type"] == "pointcloud":
+        first += seen[:1]
+    for out in layers if isinstance(spec, Model) else first:
         out["first"] = True
     return made
 
@@ -275,7 +298,7 @@ def _layers_of(spec: Spec) -> list[dict[str, Any]]:
         layer = {"file": one.file, "layer": str(one.options.get("layer", ""))}
         stem = one.options.get("layer") or one.file.partition(".")[0]
         label = made["label"] if made["name"] else language.text(in_words(str(stem)))
-        kept = {key: made[key] for key in ("name", "type", "classes") if key in made}
+        kept = {key: made[key] for key in ("name", "type", *LOOKS) if key in made}
         found.setdefault(one.output, kept | layer | {"label": label})
     return list(found.values())
 
@@ -286,22 +309,47 @@ def _layers_of(spec: Spec) -> list[dict[str, Any]]:
 def help_page(spec: Spec) -> str:
     """The help of a tool in the simple HTML that QGIS shows beside the dialog."""
     first, _, more = (spec.text or f"{spec.title}.").partition("\n\n")
-    lines = [_html(f"{language.text(first.removesuffix('.'))}."), _html(language.paragraphs(more))]
+    more = in_dialog(language.paragraphs(more), spec)
+    lines = [_html(f"{language.text(first.removesuffix('.'))}."), _html(more)]
     head = f"<h3>{language.text('Input parameters')}</h3>"
-    lines += [head, *map(_entry, spec.inputs.values())] * bool(spec.inputs)
+    lines += [head, *(_entry(f, spec) for f in spec.inputs.values())] * bool(spec.inputs)
     head = f"<h3>{language.text('Outputs')}</h3>"
-    lines += [head, *map(_entry, spec.outputs.values())]
+    lines += [head, *(_entry(f, spec) for f in spec.outputs.values())]
     told = language.text("On the command line:")
     return "\n".join([*filter(None, lines), f"<p>{told} <code>{spec.id}</code></p>"])
 
 
-def _entry(f: Field) -> str:
+def in_dialog(text: str, spec: Spec) -> str:
+    """A text in which names of inputs, outputs, options and tools in backquotes are titles.
+
+    >>> spec = catalog.load("classify.buildings")
+    >>> in_dialog("at least `min_height` above it; see `points.denoise` and `planes`", spec)
+    'at least *Lowest roof* above it; see *Remove noise* and `planes`'
+    """
+    titles = {name: language.text(f.title) for name, f in _fields(spec).items()}
+    titles |= {
+        f"--{f['name'].replace('_', '-')}": f["label"]
+        for f in [*general(spec), *_shown(), *_set(spec)]
+    }
+
+    def title(found: re.Match[str]) -> str:
+        name = found[1]
+        if name in titles:
+            return f"*{titles[name]}*"
+        return f"*{language.text(catalog.load(name).title)}*" if name in tools else found[0]
+
+    tools = set(catalog.ids())
+    return re.sub(r"`+([a-z_.-]+)`+", title, text)
+
+
+def _entry(f: Field, spec: Spec) -> str:
     unit = f" [{f.unit}]" if f.unit and f.unit != "1" else ""
     says = f.rule() if f.role == "param" else ""
     if f.many and f.role == "param" and f.kind is not CHOICE:
         says = "; ".join(filter(None, [language.text("several with ; between"), says]))
     rule = f" ({says})" if says else ""
-    text = f"<b>{language.text(f.title)}</b>{unit}: {_inline(language.text(f.help) + rule)}."
+    says = in_dialog(language.text(f.help), spec)
+    text = f"<b>{language.text(f.title)}</b>{unit}: {_inline(says + rule)}."
     return f"<p>{text}</p>"
 
 
@@ -318,4 +366,5 @@ def _html(text: str) -> str:
 
 def _inline(text: str) -> str:
     plain = html.escape(" ".join(text.split()), quote=False)
-    return re.sub(r"`+([^`]+)`+", r"<code>\1</code>", plain)
+    plain = re.sub(r"`+([^`]+)`+", r"<code>\1</code>", plain)
+    return re.sub(r"\*([^*]+)\*", r"<i>\1</i>", plain)

@@ -274,6 +274,30 @@ def test_vector_lies_over_the_map_before_it(tmp_path: Path) -> None:
     assert np.any(np.abs(bare - over)[200:500] > 0.5)
 
 
+def test_isolines_are_heavy_where_they_are_index_lines_and_labels_are_texts(tmp_path: Path) -> None:
+    """An index line has more ink, and texts are no dots."""
+    lines = [shapely.LineString([(100, y), (200, y)]) for y in (110, 150)]
+    frame = geopandas.GeoDataFrame(
+        {"elevation": [10.0, 11.0], "is_index": [True, False]}, geometry=lines, crs=LAMBERT
+    )
+    at = geopandas.GeoDataFrame(
+        {"text": ["10", ""], "angle": [0.0, 0.0]},
+        geometry=shapely.points([(150, 110), (150, 150)]),
+        crs=LAMBERT,
+    )
+    shows = show.Isolines("elevation", heavy="is_index")
+    texts = show.Texts("text", angle="angle")
+    draw({"c": (Vector(frame), (shows,))}, tmp_path / "a.png")
+    draw({"c": (Vector(frame), (shows,)), "l": (Vector(at), (texts,))}, tmp_path / "b.png")
+    bare, named = read(tmp_path / "a.png")[..., 0], read(tmp_path / "b.png")[..., 0]
+    ink = 1 - bare[60:340, 420:600].mean(axis=1)  # beside the title, the ticks and the scale bar
+    thin, heavy = (float((part - ink.min()).sum()) for part in (ink[:140], ink[140:]))
+    assert heavy > 2 * thin, (heavy, thin)
+    changed = np.argwhere(np.abs(bare - named)[100:] > 0.2)
+    assert len(changed) > 20
+    assert np.ptp(changed[:, 0]) < 60, "only at one of the lines: an empty text is nothing"
+
+
 def test_outlines_without_heights_lie_over_a_map_with_heights(tmp_path: Path) -> None:
     ground = raster(np.full((50, 50), 3.0)).with_crs(parse_crs("EPSG:2154+5720"))
     roof = outline(shapely.box(110, 160, 140, 190), crs=CRS(2154))

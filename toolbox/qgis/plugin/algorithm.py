@@ -12,12 +12,13 @@ from qgis.core import (
     QgsProcessingAlgorithm,
     QgsProcessingException,
     QgsProcessingOutputMultipleLayers,
+    QgsProcessingUtils,
 )
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QIcon
 
 from . import bridge, delivery, language
-from .layers import is_missing, is_plain
+from .layers import is_missing, is_plain, opens_points
 from .parameters import TYPES, definition, is_value
 from .styling import Styler
 from .values import UNSET, Reader
@@ -121,21 +122,24 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         read = Reader(self, self.tool["inputs"], parameters, context, feedback)
         given = [(field, read.input(field)) for field in self.tool["inputs"]]
         given += self._written(read)
-        given = [(field, value) for field, value in given if value is not UNSET]
+        given = [(f, v) for f, v in given if v is not UNSET and not self._is_default(f, v, read)]
         values = {field["name"]: value for field, value in given if not field.get("option")}
         options = ["--overwrite"]  # the dialog has asked
         for field, value in given:
             options += option_words(field, value) if field.get("option") else []
         places = {f["name"]: v for f, v in given}
         try:
-            result = bridge.run(self.tool["id"], options, values, feedback, self._repeated(values))
+            # Without a window the words are those of the command line.
+            words = self.in_words_of_the_dialog if qgis.utils.iface else str
+            result = bridge.run(self.tool["id"], options, values, feedback, words)
         except QgsProcessingException as err:
             self._drop_what_was_not_made({}, places, context)
             return self._without_result(err, feedback)
         shown = {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
         shown = {name: path for name, path in shown.items() if os.path.exists(path)}
         result |= shown
-        self._drop_what_was_not_made(result, places, context)
+        self._drop_what_was_not_made(result, places, context, _stem(values, self.tool["inputs"]))
+        self._tell(result, feedback)
         found = dict(self._results(result, places)) | self._handed_over(result, places, context)
         pages = [name for name, path in found.items() if str(path).endswith(".html")]
         self.has_page = bool(pages) or any(name.endswith(delivery.README) for name in found)
@@ -167,10 +171,33 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
             field["name"].upper() + delivery.README: os.path.join(folder, field["readme"])
         }
 
-    def _repeated(self, values: dict[str, Any]) -> dict[str, Any]:
-        """The values that a command must state, as they are not the defaults of the tool."""
-        defaults = {f["name"]: f.get("default", UNSET) for f in self.tool["inputs"]}
-        return {name: v for name, v in values.items() if v != defaults.get(name, UNSET)}
+    def _is_default(self, field: dict[str, Any], value: Any, read: Reader) -> bool:
+        """Whether a value is that of the tool itself: nobody has set it, and nothing is told of it.
+
+        The dialog hands on all of its boxes, those too that were not touched.
+        """
+        default = field.get("default", UNSET)
+        if default is UNSET or field.get("option"):
+            return False
+        own = {field["name"].upper(): default}
+        again = Reader(self, self.tool["inputs"], own, read.context, read.feedback)
+        return bool(value == again.input(field))
+
+    def _tell(self, result: dict[str, Any], feedback: Any) -> None:
+        """Say each number with its unit, and where points are that this QGIS cannot show."""
+        for field in self.tool["outputs"]:
+            value = result.get(field["name"])
+            if value is None:
+                continue
+            if is_value(field):
+                shown = f"{value:.6g}" if isinstance(value, float) else value
+                feedback.pushInfo(f"{field['label']}: {shown}")
+            elif field["type"] == "pointcloud" and not opens_points(str(value)):
+                text = language.text(
+                    "{label}: written to {path}. This QGIS was built without PDAL and cannot show "
+                    "points; the tools read them."
+                )
+                feedback.pushInfo(text.format(label=field["label"], path=value))
 
     def _without_result(self, err: QgsProcessingException, feedback: Any) -> dict[str, Any]:
         """Say in the words of the dialog why there is no result; one that was stopped is no error.
@@ -196,7 +223,11 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         crs = labels.get("assume_crs", "")
         text = text.replace(f"state it with {crs}", f"choose it in {crs}:")
         text = text.replace(f", or {crs} local", ", or local")
-        return re.sub(r"(?m)(^  )([a-z_0-9]+)(?=[.:])", lambda m: m[1] + label(m).lstrip(), text)
+        text = re.sub(r"(`)([a-z_0-9]+)`", label, text)
+        first = r"(?m)(^  (?=\w+[.:])|^(?=\w+:))([a-z_0-9]+)"  # of a line
+        text = re.sub(first, lambda m: m[1] + label(m).lstrip(), text)
+        # A name of two words is no word of a sentence; within a path it stays.
+        return re.sub(r"(?<![\w./\\-])()([a-z]+(?:_[a-z0-9]+)+)(?![\w./\\-]*[\w/\\])", label, text)
 
     def _results(self, result: dict[str, Any], given: dict[str, Any]) -> Any:
         """The results of a tool by the names of QGIS, without tables that were not written."""
@@ -213,12 +244,13 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
                 yield name, value
 
     def _drop_what_was_not_made(
-        self, result: dict[str, Any], places: dict[str, Any], context: Any
+        self, result: dict[str, Any], places: dict[str, Any], context: Any, made_from: str = ""
     ) -> None:
         """Load no layer of ours that was not written, and set the colours of the others.
 
-        The list of layers to load is that of a whole model, with those of its other steps, which
-        stay as they are.
+        Those without a name of the user are called after what they were made from. The list of
+        layers to load is that of a whole model, with those of its other steps, which stay as they
+        are.
         """
         outputs = [f for f in self.tool["outputs"] if f["type"] in TYPES]
         planned = {_same(_path(places.get(f["name"]))): f for f in outputs}
@@ -229,8 +261,10 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         for path in loads.keys() - lost:
             if field := planned.get(_same(path)):
                 details = context.layerToLoadOnCompletionDetails(path)
+                if made_from and details.name == field["label"]:
+                    details.name = f"{details.name}: {made_from}"
                 mine = (f"{bridge.PROVIDER}:{self.name()}", field["name"].upper())
-                details.setPostProcessor(Styler.of(self.colours, field.get("classes"), mine))
+                details.setPostProcessor(Styler.of(self.colours, field, mine))
 
 
 def option_words(field: dict[str, Any], value: Any) -> list[str]:
@@ -239,6 +273,17 @@ def option_words(field: dict[str, Any], value: Any) -> list[str]:
     if field["type"] == "boolean":
         return [word] if str(value).lower() in ("true", "yes", "1") else []
     return [] if value is None else [word, str(value)]
+
+
+def _stem(values: dict[str, Any], inputs: list[dict[str, Any]]) -> str:
+    """The name of the file, or the first one, that a run reads; empty for temporary ones."""
+    given = (values.get(field["name"]) for field in inputs if field["type"] in TYPES)
+    first = next((value for value in given if value), "")
+    first = _path(first[0] if isinstance(first, list) else first)
+    temporary = os.path.realpath(QgsProcessingUtils.tempFolder())
+    if not first or os.path.realpath(first).startswith(temporary):
+        return ""
+    return os.path.basename(os.path.normpath(first)).partition(".")[0]
 
 
 def _same(source: Any) -> str:

@@ -13,6 +13,7 @@ import subprocess
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +169,7 @@ def run(
     options: list[str],
     values: dict[str, Any],
     feedback: Any,
-    shown: dict[str, Any] | None = None,
+    words: Callable[[str], str] = str,
 ) -> dict[str, Any]:
     """Run one tool and return its outputs.
 
@@ -178,7 +179,7 @@ def run(
     options : words of the command line
     values : its inputs and paths of outputs
     feedback : takes progress and messages, and may cancel the run
-    shown : the values in the command that the log shows; all unless given
+    words : puts the messages of the tool into other words
 
     Raises
     ------
@@ -187,15 +188,15 @@ def run(
     Cancelled
         It was cancelled.
     """
-    words = command("-m", "toolbox", "run", tool, "--params", "-", "--events", "jsonl", *options)
-    feedback.pushDebugInfo(" ".join(words))
+    line = command("-m", "toolbox", "run", tool, "--params", "-", "--events", "jsonl", *options)
+    feedback.pushDebugInfo(" ".join(line))
     feedback.pushInfo(language.text("The same on the command line:"))
-    feedback.pushCommandInfo(repeated(words[0], tool, options, shown or values))
+    feedback.pushCommandInfo(repeated(line[0], tool, options, values))
     try:
-        child = _Child(words, feedback)
+        child = _Child(line, feedback, words)
     except OSError as err:
         raise QgsProcessingException(
-            language.text("Cannot start {program}: {why}").format(program=words[0], why=err)
+            language.text("Cannot start {program}: {why}").format(program=line[0], why=err)
         ) from None
     try:
         child.say(values)
@@ -258,8 +259,8 @@ class Cancelled(QgsProcessingException):
 class _Child:
     """A running tool. Only the thread that made this object uses the feedback."""
 
-    def __init__(self, words: list[str], feedback: Any) -> None:
-        self.feedback = feedback
+    def __init__(self, line: list[str], feedback: Any, words: Callable[[str], str]) -> None:
+        self.feedback, self.words = feedback, words
         self.lines: deque[str] = deque()
         self.tail: deque[str] = deque(maxlen=TAIL)
         self.error: str | None = None
@@ -267,7 +268,7 @@ class _Child:
         self.stop_at: float | None = None
         pipe = subprocess.PIPE
         self.process: Any = subprocess.Popen(
-            words,
+            line,
             stdin=pipe,
             stdout=pipe,
             stderr=pipe,
@@ -330,7 +331,7 @@ class _Child:
         elif kind == "stage":
             self.feedback.setProgressText(event["text"])
         elif kind == "log":
-            self._log(event["level"], event["message"])
+            self._log(event["level"], self.words(event["message"]))
         elif kind == "error":
             self.error = event["message"]
         elif kind == "result":

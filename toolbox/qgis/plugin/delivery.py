@@ -49,7 +49,7 @@ def load(
         name = layer["name"].upper()
         details = QgsProcessingContext.LayerDetails(layer["label"], context.project(), name)
         details.forceName = True  # else QGIS names layers by files, of which some hold several
-        styler = Styler.of(colours, layer.get("classes"), (algorithm, name))
+        styler = Styler.of(colours, layer, (algorithm, name))
         styler.hidden = not name and layer["type"] == "raster"  # it would cover the results
         details.setPostProcessor(styler)
         context.addLayerToLoadOnCompletion(source, details)

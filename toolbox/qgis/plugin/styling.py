@@ -1,34 +1,50 @@
 """Sets the colours of results when they are loaded.
 
 The output of a tool may declare the attribute by which points or features are coloured. Otherwise a
-point cloud is drawn by its classes, and a raster as relief, as differences about zero or in grey,
-by the description of its band.
+point cloud is drawn by its classes, a raster as relief, as differences about zero or in grey,
+by the description of its band, and features as outlines that hide nothing below.
 """
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from qgis.core import (
     QgsCategorizedSymbolRenderer,
     QgsColorRampShader,
     QgsContrastEnhancement,
+    QgsFillSymbol,
+    QgsLabeling,
+    QgsLineSymbol,
+    QgsMapLayerLegendUtils,
     QgsMapLayerType,
     QgsMessageLog,
+    QgsNullSymbolRenderer,
+    QgsPalLayerSettings,
     QgsProcessingLayerPostProcessorInterface,
+    QgsProperty,
     QgsRasterBandStats,
     QgsRasterShader,
     QgsRendererCategory,
     QgsSingleBandGrayRenderer,
     QgsSingleBandPseudoColorRenderer,
+    QgsSingleSymbolRenderer,
     QgsSymbol,
+    QgsTextBufferSettings,
+    QgsTextFormat,
+    QgsVectorLayerSimpleLabeling,
     QgsWkbTypes,
 )
 from qgis.PyQt.QtGui import QColor
 
+from . import language
+
 SAMPLE = 250000  # cells that statistics are taken of
+OUTERMOST = 0.005  # share of cells at either end that would fade all others, as in our plots
 GREY = ("hillshade", "intensity")
 NO_HEIGHT = ("(std)", "(count)", "points", "distance", "error")
 ABOUT_ZERO = ("differ", "change")
@@ -40,6 +56,9 @@ OF_GEOMETRY = {  # names of settings
     QgsWkbTypes.GeometryType.PolygonGeometry: "VECTOR_POLYGON_STYLE",
 }
 MOST = 20  # distinct values of such an attribute
+LINE, THIN, HEAVY = "#1f3a5f", 0.15, 0.5  # colour as in our plots; millimetres
+TEXT, EDGE = 7.0, 0.7  # points, and millimetres around letters
+PLAIN: Mapping[str, Any] = MappingProxyType({})  # says nothing of colours
 
 
 class Styler(QgsProcessingLayerPostProcessorInterface):
@@ -51,23 +70,23 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
     _kept: ClassVar[list[Any]] = []  # QGIS holds a bare pointer only
 
     @classmethod
-    def of(
-        cls, colours: dict[str, Any], classes: dict[str, Any] | None, output: tuple[str, str]
-    ) -> Styler:
+    def of(cls, colours: dict[str, Any], field: dict[str, Any], output: tuple[str, str]) -> Styler:
         made = cls()
-        made.colours, made.classes, made.output = colours, classes, output
+        made.colours, made.field, made.output = colours, field, output
         made.hidden = False
         cls._kept.append(made)
         return made
 
     def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
+        node = context.project() and context.project().layerTreeRoot().findLayer(layer)
+        if node and layer.type() == QgsMapLayerType.RasterLayer:  # which says "Band 1: ... (Gray)"
+            QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, _band(layer))
         try:
             if not has_style_of_user(layer, *self.output):
-                style(layer, self.colours, self.classes)
+                style(layer, self.colours, self.field)
         except Exception as err:  # a layer in plain colours is better than none
             QgsMessageLog.logMessage(f"{layer.name()} keeps its colours: {err}", "LiDAR Toolbox")
-        tree = context.project().layerTreeRoot() if self.hidden and context.project() else None
-        if node := tree and tree.findLayer(layer):
+        if node and self.hidden:
             node.setItemVisibilityChecked(False)
 
 
@@ -98,46 +117,58 @@ def has_style_of_user(layer: Any, algorithm: str, output: str) -> bool:
     return bool(setting and ProcessingConfig.getSetting(setting))
 
 
-def style(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None = None) -> None:
-    """Give a layer its colours; `classes` are those that the output of the tool declares."""
+def style(layer: Any, colours: dict[str, Any], field: Mapping[str, Any] = PLAIN) -> None:
+    """Give a layer its colours; the field of the output says how the tool declares them."""
+    classes = field.get("classes")
     if layer.type() == QgsMapLayerType.RasterLayer:
         _style_raster(layer, colours)
     elif layer.type() == QgsMapLayerType.VectorLayer:
-        _style_features(layer, colours, classes)
+        if classes:
+            _style_features(layer, colours, classes)
+        elif "isolines" in field:
+            _style_isolines(layer, **field["isolines"])
+        elif "texts" in field:
+            _style_texts(layer, **field["texts"])
+        else:
+            _style_plainly(layer)
     elif layer.type() == QgsMapLayerType.PointCloudLayer:
         _style_points(layer, colours, classes)
     layer.triggerRepaint()
 
 
 def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
-    name = layer.bandName(1).partition(": ")[2].lower()
+    name = _band(layer).lower()
     stats = layer.dataProvider().bandStatistics(
         1,
-        QgsRasterBandStats.Stats.Min
-        | QgsRasterBandStats.Stats.Max
-        | QgsRasterBandStats.Stats.StdDev
-        | QgsRasterBandStats.Stats.Mean,
+        QgsRasterBandStats.Stats.Min | QgsRasterBandStats.Stats.Max,
         layer.extent(),
         SAMPLE,
     )
-    low, high = stats.minimumValue, stats.maximumValue
+    low, high = layer.dataProvider().cumulativeCut(
+        1, OUTERMOST, 1 - OUTERMOST, layer.extent(), SAMPLE
+    )
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        low, high = stats.minimumValue, stats.maximumValue  # nearly all cells are alike
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         return
     if any(word in name for word in GREY):
         _grey(layer, low, high)
         return
     if any(word in name for word in ABOUT_ZERO) or (" minus " in name and -low > high / 20):
-        far = min(max(-low, high), abs(stats.mean) + 3 * stats.stdDev)
+        far = max(-low, high)
         _ramp(layer, BLUE_RED, -far, far)
         return
-    low = max(low, stats.mean - 3 * stats.stdDev)  # a few outliers would fade all others
-    high = min(high, stats.mean + 3 * stats.stdDev)
     attribute, bracket, _ = name.partition(" (")  # as gridded attributes are named: "z (linear)"
     named = not bracket or attribute == "z" or "height" in attribute or "elevation" in attribute
     height = named and layer.bandCount() <= 4 and not any(word in name for word in NO_HEIGHT)
     _ramp(layer, colours["relief"] if height else VIRIDIS, low, high)
     if height and layer.elevationProperties() is not None:  # QGIS 3.24: for profiles and 3D
         layer.elevationProperties().setEnabled(True)
+
+
+def _band(layer: Any) -> str:
+    """The description of the first band, without the number that QGIS puts before it."""
+    return str(layer.bandName(1).partition(": ")[2])
 
 
 def _grey(layer: Any, low: float, high: float) -> None:
@@ -173,8 +204,8 @@ def _ramp(layer: Any, colours: Any, low: float, high: float) -> None:
     layer.setRenderer(renderer)
 
 
-def _style_features(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None) -> None:
-    if classes is None or not layer.isSpatial():
+def _style_features(layer: Any, colours: dict[str, Any], classes: dict[str, Any]) -> None:
+    if not layer.isSpatial():
         return
     name = classes["attribute"]
     if layer.fields().indexOf(name) < 0:
@@ -192,6 +223,63 @@ def _style_features(layer: Any, colours: dict[str, Any], classes: dict[str, Any]
         symbol.setColor(QColor(colour))
         categories.append(QgsRendererCategory(value, symbol, label))
     layer.setRenderer(QgsCategorizedSymbolRenderer(name, categories))
+
+
+def _style_plainly(layer: Any) -> None:
+    """Lines, and polygons without a filling, which would hide what is below."""
+    kind = layer.geometryType()
+    if kind == QgsWkbTypes.GeometryType.PolygonGeometry:
+        looks = {"style": "no", "outline_color": LINE, "outline_width": str(HEAVY)}
+        layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(looks)))
+    elif kind == QgsWkbTypes.GeometryType.LineGeometry:
+        layer.setRenderer(QgsSingleSymbolRenderer(_line(HEAVY)))
+
+
+def _line(width: float) -> Any:
+    return QgsLineSymbol.createSimple({"color": LINE, "width": str(width)})
+
+
+def _style_isolines(layer: Any, attribute: str, heavy: str) -> None:
+    """Heavy lines with their number along them, and thin ones between."""
+    categories = [
+        QgsRendererCategory(True, _line(HEAVY), language.text("Index lines")),
+        QgsRendererCategory(False, _line(THIN), language.text("Lines between")),
+    ]
+    layer.setRenderer(QgsCategorizedSymbolRenderer(heavy, categories))
+    text = f'CASE WHEN "{heavy}" THEN round("{attribute}", 3) END'
+    settings = _labels(text)
+    settings.placement = QgsPalLayerSettings.Placement.Line
+    settings.lineSettings().setPlacementFlags(QgsLabeling.LinePlacementFlag.OnLine)
+    _label(layer, settings)
+
+
+def _style_texts(layer: Any, text: str, angle: str) -> None:
+    """Texts at their angle instead of dots."""
+    layer.setRenderer(QgsNullSymbolRenderer())
+    settings = _labels(f'"{text}"')
+    settings.placement = QgsPalLayerSettings.Placement.OverPoint
+    turned = QgsProperty.fromExpression(f'-"{angle}"')  # QGIS turns clockwise
+    settings.dataDefinedProperties().setProperty(QgsPalLayerSettings.Property.LabelRotation, turned)
+    _label(layer, settings)
+
+
+def _labels(expression: str) -> Any:
+    """Small texts with a light edge, from an expression."""
+    settings = QgsPalLayerSettings()
+    settings.fieldName, settings.isExpression = expression, True
+    shown, edge = QgsTextFormat(), QgsTextBufferSettings()
+    shown.setSize(TEXT)
+    shown.setColor(QColor(LINE))
+    edge.setEnabled(True)
+    edge.setSize(EDGE)
+    shown.setBuffer(edge)
+    settings.setFormat(shown)
+    return settings
+
+
+def _label(layer: Any, settings: Any) -> None:
+    layer.setLabeling(QgsVectorLayerSimpleLabeling(settings))
+    layer.setLabelsEnabled(True)
 
 
 def _style_points(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None) -> None:

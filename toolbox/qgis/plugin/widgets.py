@@ -38,6 +38,13 @@ class _Wrapper(WidgetWrapper):
                 self.row.box.addItem(self.dialog.resolveValueDescription(source), source)
         return self.row
 
+    def createLabel(self) -> Any:
+        """The label, which says on a longer look what its box does: QGIS has it say the name."""
+        label = super().createLabel()
+        if label is not None:
+            label.setToolTip(self.parameterDefinition().toolTip())
+        return label
+
     def made(self, parameter: Any) -> Any:
         raise NotImplementedError
 

@@ -1,0 +1,41 @@
+"""What the list of tools tells the dialogs of QGIS."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from toolbox import catalog
+from toolbox.qgis.tools import listing, tool
+
+
+@pytest.mark.parametrize(
+    ("word", "id"),
+    [
+        ("checkpoint", "compare.surfaces"),
+        ("contour", "models.terrain"),  # a file of the set that it hands over
+        ("outlines", "classify.buildings"),
+    ],
+)
+def test_tools_are_found_by_their_layers(word: str, id: str) -> None:
+    assert any(word in tag for tag in tool(catalog.load(id))["tags"])
+
+
+def test_help_speaks_the_language_of_the_dialog() -> None:
+    made = tool(catalog.load("classify.buildings"))["help"]
+    assert "at least <i>Lowest roof</i> above it" in made
+    for entry in listing()["tools"]:
+        names = {f["name"] for f in entry["inputs"] + entry["outputs"]}
+        told = set(re.findall(r"<code>([a-z_]+)</code>", entry["help"]))
+        assert not told & names, entry["id"]
+        assert "--deliver" not in entry["help"], entry["id"]
+
+
+def test_the_first_result_that_every_qgis_shows_is_written() -> None:
+    def first(id: str) -> list[str]:
+        return [o["name"] for o in tool(catalog.load(id))["outputs"] if o.get("first")]
+
+    assert first("classify.buildings") == ["classified", "outlines"]
+    assert first("points.filter") == ["kept"]
+    assert first("surface.contours") == ["contours"]

@@ -11,6 +11,7 @@ sys.path.append(str(Path(__file__).parent / "_site"))
 
 project = "lidar-toolbox"
 author = "The lidar-toolbox developers"
+copyright = author  # Sphinx has no other name for it
 version = release = toolbox.__version__
 
 extensions = ["myst_parser", "sphinx_copybutton", "diagrams"]

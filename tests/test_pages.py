@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import re
 import shlex
 from pathlib import Path
@@ -17,6 +18,7 @@ PAGES = sorted(
     page for room in ("start", "jobs", "choose", "tr") for page in (DOCS / room).glob("*.md")
 )
 PAGES += [DOCS / "howto" / name for name in ("deliver.md", "in-and-out.md")]
+PYTHON = re.compile(r"^```python\n(>>> .*?)^```", re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
@@ -67,6 +69,22 @@ def test_commands_of_a_page_run(
             code, said = main(words[3:]), capsys.readouterr().err
             assert code == 0, (words, said)
             assert "there is nothing to write" not in said, words
+
+
+WITH_PYTHON = [page for page in DOCS.rglob("*.md") if PYTHON.search(page.read_text("utf-8"))]
+
+
+@pytest.mark.parametrize("page", WITH_PYTHON, ids=lambda page: page.stem)
+def test_python_of_a_page_gives_what_it_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = "\n".join(PYTHON.findall(page.read_text("utf-8")))
+    said: list[str] = []
+    examples = doctest.DocTestParser().get_doctest(text, {}, page.stem, str(page), 0)
+    result = doctest.DocTestRunner(verbose=False).run(examples, out=said.append)
+    assert result.attempted > 0
+    assert result.failed == 0, "".join(said)
 
 
 EXAMPLES = [(id, run) for id, runs in reference.examples().items() for run in runs]

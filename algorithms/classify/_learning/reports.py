@@ -171,7 +171,8 @@ def verdict_rows(
         yield _verdict(f"labels of class {row['class']}", text, rule, not few)
     if len(learning) > 1:
         gain = learning[-1]["overall_accuracy"] - learning[-2]["overall_accuracy"]
-        text = f"{gain:+.2f} % accuracy from the last doubling of blocks"
+        more = "more" if gain >= 0 else "less"  # a sign first would be a formula to spreadsheets
+        text = f"{abs(gain):.2f} % {more} accuracy from the last doubling of blocks"
         yield _verdict("more labels", text, f"at most {GAIN:g} %", gain <= GAIN)
     else:
         yield {"what": "more labels", "found": "too few blocks to tell", "verdict": "not known"}

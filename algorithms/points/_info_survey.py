@@ -11,7 +11,7 @@ import shapely
 
 from toolbox.data import Survey, SurveyFile
 from toolbox.data.area_of_use import misplaced
-from toolbox.data.crs import describe_crs, length_problem, vertical_unit
+from toolbox.data.crs import describe_crs, height_system, length_problem, vertical_unit
 
 SEAM = 10.0  # mean point spacings; files closer to each other have no gap between them
 BOUNDS = ("xmin", "ymin", "zmin", "xmax", "ymax", "zmax")
@@ -57,6 +57,8 @@ def figures(survey: Survey, cover: Cover) -> Iterator[Row]:
     yield {"property": "files", "value": len(survey.files)}
     yield {"property": "points", "value": survey.count}
     yield {"property": "crs", "value": describe_crs(survey.crs) if survey.crs else None}
+    if survey.crs:
+        yield {"property": "heights", "value": height_system(survey.crs)}
     for name in survey.names:
         types = {kind for file in survey.files for n, kind, _ in file.attributes if n == name}
         listed = ", ".join(sorted(np.dtype(kind).name for kind in types))

@@ -14,7 +14,13 @@ from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey, Table
 from toolbox.data.area_of_use import misplaced
 from toolbox.data.asprs import CLASSES
-from toolbox.data.crs import describe_crs, horizontal_crs, length_problem, vertical_unit
+from toolbox.data.crs import (
+    describe_crs,
+    height_system,
+    horizontal_crs,
+    length_problem,
+    vertical_unit,
+)
 from toolbox.declare import outputs, sink, source, tool
 
 PERCENTILES = (0, 1, 5, 25, 50, 75, 95, 99, 100)
@@ -128,6 +134,8 @@ def _general(cloud: PointCloud) -> Iterator[Row]:
     yield {"property": "file", "value": cloud.name}
     yield {"property": "points", "value": len(cloud)}
     yield {"property": "crs", "value": describe_crs(cloud.crs) if cloud.crs else None}
+    if cloud.crs:
+        yield {"property": "heights", "value": height_system(cloud.crs)}
     for name in cloud.names:
         yield {"property": f"attribute {name}", "value": cloud[name].dtype.name}
     if len(cloud):

@@ -33,13 +33,13 @@ class _Parser(argparse.ArgumentParser):
         text = re.sub(
             "argument (.*): ignored explicit argument", r"\1 takes no value, got", message
         )
-        raise ParameterError(self.prog.removeprefix("toolbox run "), {"command line": text})
+        raise ParameterError(self.prog, {"command line": text})
 
 
 def parser(described: Description) -> argparse.ArgumentParser:
     """Make the parser of one tool; each value is appended to a list under its name."""
     made = _Parser(
-        f"toolbox run {described['id']}",
+        described["id"],
         usage=_usage(described),
         description=f"{described['title']}\n\n{described['description']}",
         epilog=_examples(described),
@@ -70,7 +70,8 @@ def parser(described: Description) -> argparse.ArgumentParser:
 def _usage(described: Description) -> str:
     """What must be given; all options would fill twenty lines, and stand below with their help."""
     must = [name for name, field in described["inputs"].items() if field.get("minOccurs", 1)]
-    return " ".join([f"toolbox run {described['id']}", *(f"--{n} ..." for n in must), "[options]"])
+    called = described.get("called", described["id"])
+    return " ".join([f"python -m toolbox run {called}", *(f"--{n} ..." for n in must), "[options]"])
 
 
 def _examples(described: Description) -> str | None:
@@ -249,11 +250,24 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
     problems = {name: "given more than once" for name, texts in given.items() if len(texts) > 1}
     misspelt = {_name_of(text): "" for text in unknown if text.startswith("--")}
     if unknown and not misspelt:
-        problems["command line"] = f"does not know what to do with {' '.join(unknown)!r}"
+        hint = _hint(described, unknown[0])
+        problems["command line"] = f"does not know what to do with {' '.join(unknown)!r}{hint}"
     if problems:
         raise ParameterError(described["id"], problems)
     values = {name: _alone(described, name, texts[0]) for name, texts in given.items()}
     return values | misspelt, general
+
+
+def _hint(described: Description, word: str) -> str:
+    """What a word without an option may be: one more class, or the path of the first input.
+
+    >>> _hint({"inputs": {}}, "9")
+    "; several values of an option have commas between them, such as 2,9"
+    """
+    if word.replace("-", "").isdigit():
+        return "; several values of an option have commas between them, such as 2,9"
+    layers = [name for name, field in described["inputs"].items() if is_layer(field["schema"])]
+    return f"; did you mean --{layers[0]} {word}?" if layers and "." in word else ""
 
 
 def _alone(described: Description, name: str, value: Any) -> Any:

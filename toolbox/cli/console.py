@@ -96,15 +96,16 @@ class Console:
         for name, value in outputs.items():
             if folder is not None and type(value).__name__ == "Report":
                 continue  # what it holds is on the page of the set
-            self._print_value(name, value, _unit(description["outputs"].get(name, {})))
+            said = description["outputs"].get(name, {})
+            self._print_value(name, value, _unit(said), said.get("description", ""))
 
         if isinstance(folder, Path):
             print(f"in {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
 
-    def _print_value(self, name: str, value: Any, unit: str) -> None:
+    def _print_value(self, name: str, value: Any, unit: str, help: str) -> None:
         if isinstance(value, tuple):  # from a repeated step
             for number, item in enumerate(value, start=1):
-                self._print_value(f"{name} {number}", item, unit)
+                self._print_value(f"{name} {number}", item, unit, help)
         elif hasattr(value, "rows"):
             from toolbox.cli.tables import fitted
 
@@ -115,11 +116,13 @@ class Console:
         elif hasattr(value, "save"):
             print(f"{name}: {_kind(value)}, not saved (--{name} PATH)")
         elif isinstance(value, float):
-            print(f"{name}: {_figure(value, unit)}{unit}")
+            print(_explained(f"{name}: {_figure(value, unit)}{unit}", help))
         elif value is None:
             print(f"{name}: none")
         else:
-            print(f"{name}: {value}{unit if isinstance(value, int) else ''}")
+            is_count = isinstance(value, int)
+            line = f"{name}: {value}{unit if is_count else ''}"
+            print(_explained(line, help if is_count else ""))
 
     def error(self, err: BaseException) -> int:
         """Print an error and return its exit code."""
@@ -253,6 +256,12 @@ def _is_layer(value: Any) -> bool:
 def _kind(layer: Any) -> str:
     size = f"{len(layer)} points" if hasattr(layer, "xyz") else type(layer).__name__
     return size.lower()
+
+
+def _explained(line: str, help: str) -> str:
+    """A figure with what it is, as far as both go into a line of the terminal."""
+    told = f"{line}  ({help[:1].lower()}{help[1:]})"
+    return told if help and len(told) <= shutil.get_terminal_size().columns else line
 
 
 def _figure(value: float, unit: str) -> str:

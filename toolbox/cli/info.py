@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data import Raster, Table, Vector, drivers
 from toolbox.data.crs import describe_crs
 from toolbox.data.paths import Paths, missing
 from toolbox.data.remote.address import as_path
 from toolbox.data.text import standard_names
-from toolbox.errors import ParameterError, memory_named
+from toolbox.errors import DataError, ParameterError, memory_named
 from toolbox.execute import run
 
 TABLES = (".parquet", ".json")
@@ -58,6 +58,24 @@ def describe_file(paths: Paths, ctx: Context = QUIET) -> Table:
     if suffix in TABLES or (suffix == ".csv" and not _holds_points(path)):
         return _table(_rows_of_table(Table.open(path, ctx=ctx)))
     return _points(items, ctx)
+
+
+def describe_files(paths: Sequence[str], ctx: Context = QUIET) -> list[Table]:
+    """One table, as of `describe_file`; one of each file where the files are no survey.
+
+    Raises
+    ------
+    ParameterError, DataError
+        As of `describe_file`, for any of the files.
+    """
+    try:
+        return [describe_file(paths, ctx)]
+    except DataError as error:
+        if len(paths) < 2:
+            raise
+        made = [describe_file(path, ctx) for path in paths]
+        log.warning("the files are described one by one, as they are no survey: %s", error)
+        return made
 
 
 def _points(paths: Paths, ctx: Context) -> Table:

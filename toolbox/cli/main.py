@@ -115,7 +115,7 @@ def _other(said: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(
-        "toolbox", description="Geoprocessing tools for LiDAR.", allow_abbrev=False
+        "python -m toolbox", description="Geoprocessing tools for LiDAR.", allow_abbrev=False
     )
     top.add_argument("--version", action="version", version=f"lidar-toolbox {__version__}")
     verbs = top.add_subparsers(dest="verb", required=True)
@@ -185,21 +185,22 @@ def _describe(args: argparse.Namespace, _: Console) -> None:
 
 
 def _info(args: argparse.Namespace, console: Console) -> None:
-    from toolbox.cli.info import describe_file
+    from toolbox.cli.info import describe_files
     from toolbox.cli.tables import properties
 
     with console.progress() as report:
-        table = stoppable(
-            lambda ctx: describe_file(args.file, ctx),
+        tables = stoppable(
+            lambda ctx: describe_files(args.file, ctx),
             report,
             farewell=lambda: console.error(Cancelled()),
         )
     if console.as_json:
-        print(json_text(table.rows(), indent=2))
+        print(json_text([row for table in tables for row in table.rows()], indent=2))
     elif sys.stdout.isatty() or "COLUMNS" in os.environ:
-        print(properties(table.frame, shutil.get_terminal_size().columns))
+        wide = shutil.get_terminal_size().columns
+        print("\n\n".join(properties(table.frame, wide) for table in tables))
     else:  # programs find each property in a line
-        print(table.text())
+        print("\n\n".join(table.text() for table in tables))
 
 
 def _history(args: argparse.Namespace, _: Console) -> None:
@@ -257,9 +258,11 @@ def _run(said: list[str]) -> int:
     try:
         _need_tool("run", said)
         described = catalog.describe(said[0])
-        said_values, general = arguments.read(described, said[1:])
+        said_values, general = arguments.read({**described, "called": said[0]}, said[1:])
         pipe, params = _params(general)
         values = arguments.merged(described, params, said_values)
+        if not console.as_json and not isinstance(console, Events):
+            _tell_unsaved(described, values, general, console)
         with _kept(said[0], described, values, general) as outputs:
             outputs.update(_execute(said[0], values, general, console, pipe))
         console.result(described, outputs)
@@ -268,6 +271,23 @@ def _run(said: list[str]) -> int:
     except Exception as err:  # noqa: BLE001  the outermost edge: every error becomes an exit code
         return console.error(err)
     return 0
+
+
+def _tell_unsaved(
+    described: Mapping[str, Any],
+    values: Mapping[str, Any],
+    general: Mapping[str, Any],
+    console: Console,
+) -> None:
+    """Say before the work that none of its layers will be saved; tables are printed."""
+    written = described["outputs"].keys() | described.get("between", {}).keys()
+    layers = [
+        name
+        for name, field in described["outputs"].items()
+        if arguments.is_layer(field["schema"]) and not _is_printed(field["schema"])
+    ]
+    if layers and not written & values.keys() and not SHOWN & general.keys():
+        console.message("info", f"nothing will be saved; to keep a result: --{layers[0]} PATH")
 
 
 def _need_tool(verb: str, said: list[str]) -> None:
@@ -442,6 +462,10 @@ def _titled(id: str, values: dict[str, Any], project: Mapping[str, Any]) -> dict
         own = given if isinstance(given, Mapping) else {"path": given}
         values[name] = {**project, **own} if project else given
     return values
+
+
+def _is_printed(schema: Mapping[str, Any]) -> bool:
+    return schema.get("items", schema).get("contentMediaType") in ("text/csv", "text/html")
 
 
 def _is_report(schema: Mapping[str, Any]) -> bool:

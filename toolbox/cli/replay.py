@@ -130,6 +130,7 @@ class _Finder:
             text = f"{item.file} {where} has changed since: its sha256 is not {item.sha256}"
         else:
             text = f"there is no file {item.file} {where}"
+            text += "" if self.deep else "; say with --inputs FOLDER where it is"
         self.problems[f"{name}, {item.file}" if name in self.problems else name] = text
         return []
 

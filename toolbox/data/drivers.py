@@ -9,7 +9,7 @@ their suffix do, and hold no mark of a format that refers to other places.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from toolbox.errors import DataError
@@ -51,6 +51,7 @@ VECTORS: Mapping[str, bytes] = {
 }
 """How files begin, by suffix: a regular expression; a mark of the byte order may stand before."""
 
+_TABLE = ".csv with columns x, y and z, or easting, northing and elevation, or wkt"
 _ELSEWHERE = re.compile(rb"(?i)<OGR(VRT|WFS)DataSource|gdal_streamed_alg")
 _HEAD = 2**16  # bytes, in which GDAL looks for such marks; it begins with 1024
 _SIDE_CARS = (".msk", ".ovr")  # rasters that GDAL opens beside a raster, whatever they are
@@ -86,7 +87,7 @@ def check_vector(path: Path) -> None:
     """
     begins = VECTORS.get(path.suffix.lower())
     if begins is None:
-        raise DataError(_unknown(path, "vector layers", VECTORS, "ogr2ogr"))
+        raise DataError(_unknown(path, "vector layers", [*VECTORS, ".parquet", _TABLE], "ogr2ogr"))
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     head = _begin(path)
@@ -97,7 +98,7 @@ def check_vector(path: Path) -> None:
         )
 
 
-def _unknown(path: Path, what: str, suffixes: Mapping[str, object], program: str) -> str:
+def _unknown(path: Path, what: str, suffixes: Iterable[str], program: str) -> str:
     ending = path.suffix.lower() or "a file without ending"
     read = ", ".join(suffixes)
     return f"{path}: {what} are read from {read}, not {ending}; convert it with {program}"

@@ -14,6 +14,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import differences, geopackage, rounding
 from toolbox.data.extras import PARQUET, Extra
 from toolbox.data.layer import Inside, Layer, text_array
+from toolbox.data.measures import unit_column
 from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named
 from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
@@ -139,11 +140,13 @@ class Table(Layer):
         *,
         layer: str | None = None,
         add: bool = False,
-        rounded: bool = False,
+        rounded: bool | None = None,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
         """Write .csv, .json, .parquet or .gpkg; numbers read back exactly unless they are rounded.
+
+        A table of measures, which is for people, is rounded in .csv unless it is said not to be.
 
         In .csv an apostrophe is put before texts that a spreadsheet would take for a formula.
 
@@ -167,6 +170,8 @@ class Table(Layer):
         path = Path(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: tables are written as {', '.join(self.SUFFIXES)}")
+        if rounded is None:
+            rounded = path.suffix.lower() == ".csv" and unit_column(self.frame) is not None
         table = Table(rounding.rounded(self.frame)) if rounded else self
         try:
             table_files.write(table, path, layer, add=add)

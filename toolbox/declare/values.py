@@ -11,6 +11,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from toolbox.data.asprs import CLASSES as CLASSES_OF_LAS
+
 CLASSES = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
 HIGHEST_CLASS = 255  # ASPRS LAS 1.4: one byte
 
@@ -53,7 +55,7 @@ class ClassList(tuple[int, ...]):
         for item in map(str.strip, value.split(",")):
             found = CLASSES.fullmatch(item)
             if not found:
-                raise ValueError(f"{item!r} is no class or range of classes")
+                raise ValueError(f"{item!r} is no class or range of classes{_class_called(item)}")
             first, last = int(found[1]), int(found[2] or found[1])
             if first > last or last > HIGHEST_CLASS:
                 raise ValueError(f"{item!r} is not a range within 0 and {HIGHEST_CLASS}")
@@ -65,6 +67,12 @@ class ClassList(tuple[int, ...]):
         starts = [c for c in self if c - 1 not in self]
         ends = [c for c in self if c + 1 not in self]
         return ",".join(f"{a}" if a == b else f"{a}-{b}" for a, b in zip(starts, ends, strict=True))
+
+
+def _class_called(name: str) -> str:
+    """Say '; did you mean ...?' with the number of the class that is called so, or nothing."""
+    found = [code for code, known in CLASSES_OF_LAS.items() if known.lower() == name.lower()]
+    return f"; did you mean {found[0]}?" if found else ""
 
 
 class Range(NamedTuple):

@@ -44,6 +44,7 @@ class Entry:
     ----------
     layer : its name in a GeoPackage, else ""
     size : points, features, rows or cells; None where nothing is counted
+    without : points that were read and are not in it
     columns : name, unit and meaning of each column of a table or attribute of features
     left_out : why it is not there; "" if it is
     unit : of the coordinates of a drawing, in words
@@ -58,6 +59,7 @@ class Entry:
     columns: Sequence[tuple[str, str, str]] = ()
     unit: str = ""
     drawn: Sequence[tuple[str, str, int]] = ()
+    without: int = 0
 
 
 def readme(
@@ -129,6 +131,8 @@ def _files(entries: Sequence[Entry]) -> Iterator[str]:
         for entry in [entry for entry in entries if entry.file == file]:
             layer = f"{entry.layer}: " if entry.layer else ""
             count = "" if entry.size is None else f" [{entry.size:,}]"
+            if entry.without:
+                count += f"; {entry.without:,} of the points that were read are not in it"
             text = f"{layer}{entry.help}{count}"
             yield from textwrap.wrap(
                 text, _WIDTH, initial_indent="    ", subsequent_indent="      "

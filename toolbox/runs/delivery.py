@@ -16,7 +16,7 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import Table, Vector, dxf
+from toolbox.data import PointCloud, Survey, Table, Vector, dxf
 from toolbox.data.crs import is_local
 from toolbox.data.layer import Layer
 from toolbox.data.report.columns import column_of
@@ -172,7 +172,8 @@ def write(
 
     def write_more(staged: Mapping[Path, Path]) -> None:
         more.write(staged)
-        entries = [_entry(one, spec, found, left_out, made) for one in spec.deliver]
+        read = _points_read(told)
+        entries = [_entry(one, spec, found, left_out, made, read) for one in spec.deliver]
         head = {"date": today(), **notes.how}
         text = readme(spec, found, record, told or Told(), entries, head)
         staged[readme_path].write_text(text, encoding="utf-8", newline="\n")
@@ -208,17 +209,27 @@ def _entry(
     found: Mapping[str, Any],
     left_out: Mapping[str, str],
     made: set[str],
+    read: int | None,
 ) -> Entry:
     layer = found.get(one.output)
     size = layer.size() if isinstance(layer, Layer) else None
     reason = left_out.get(f"{DELIVER} {one.key}", "" if one.file in made else "not made in tiles")
     columns = _columns(spec, one.output, layer) if isinstance(layer, Table | Vector) else ()
     entry = Entry(one.file, str(one.options.get("layer", "")), one.help, size, reason, columns)
+    if size is not None and read is not None and spec.results[one.output].kind.word == "PointCloud":
+        entry = replace(entry, without=max(0, read - size))
     if not (one.file.lower().endswith(".dxf") and isinstance(layer, Vector)):
         return entry
     layers = dxf.layers_of(layer.frame, Path(one.file)).items()
     drawn = [(name, dxf.colour_name(colour), count) for name, (colour, count) in layers]
     return replace(entry, unit=dxf.unit_name(layer.crs), drawn=drawn)
+
+
+def _points_read(told: Told | None) -> int | None:
+    """Number of the points that a run has read; None unless it has read one cloud."""
+    given = told.given.values() if told else ()
+    clouds = [layer for layer in given if isinstance(layer, PointCloud | Survey)]
+    return clouds[0].size() if len(clouds) == 1 else None
 
 
 def _columns(spec: Spec, output: str, layer: Table | Vector) -> tuple[tuple[str, str, str], ...]:

@@ -12,6 +12,7 @@ import pyogrio
 import pytest
 import shapely
 from affine import Affine
+from scenes.layers import cloud
 
 from toolbox.cli.info import describe_file
 from toolbox.cli.main import main
@@ -177,3 +178,22 @@ def test_information_fits_the_terminal(
     assert max(map(len, fitted.splitlines())) <= width
     rows = piped.partition("\n")[2]  # without the names of the columns
     assert sorted(fitted.split()) == sorted(rows.split())
+
+
+def test_files_that_are_no_survey_are_described_one_by_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """To see that a delivery is mixed is what one looks for."""
+    files = [str(tmp_path / name) for name in ("a.laz", "b.laz")]
+    for file, crs in zip(files, ("EPSG:32635", "EPSG:32636+5773"), strict=True):
+        cloud([[0, 0, 0], [1, 1, 1]]).with_crs(crs).save(file)
+    assert main(["info", *files]) == 0
+    said = capsys.readouterr()
+    first, second = said.out.split("\n\n")
+    assert "EPSG:32635" in first
+    assert "not stated by the data" in first
+    assert "EPSG:32636" in second
+    assert "EGM96 height" in second
+    assert "described one by one" in said.err
+    Path(files[1]).write_bytes(b"no LAS")
+    assert main(["info", *files]) == 3

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pyproj import CRS
+from scenes.layers import cloud
 
 from toolbox import catalog
 from toolbox.cli import arguments
@@ -97,7 +98,9 @@ def test_help_of_a_tool_begins_with_what_must_be_given(
         with pytest.raises(SystemExit):
             main(asked)
         text = capsys.readouterr().out
-        usage = "usage: toolbox run corridor.clearance --points ... --wires ... [options]\n"
+        usage = (
+            "usage: python -m toolbox run corridor.clearance --points ... --wires ... [options]\n"
+        )
         assert text.startswith(usage)
 
 
@@ -603,3 +606,48 @@ def test_json_has_null_for_what_is_no_number(how: str, capsys: pytest.CaptureFix
     assert found["table"] == [{"value": None}, {"value": None}]
     assert found["bias"] is None
     assert found["some"] == [1.0, None]
+
+
+def test_a_run_that_saves_nothing_says_so_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = tmp_path / "a.laz"
+    cloud([[x, y, 1] for x in range(4) for y in range(4)]).save(points)
+    said = ["run", "surface.grid", "--points", str(points)]
+    assert main(said) == 0
+    found = capsys.readouterr()
+    assert found.err.startswith("nothing will be saved; to keep a result: --surface PATH")
+    assert "filled_share: 1  (share of cells with a value)\n" in found.out
+    assert main([*said, "--surface", str(tmp_path / "a.tif")]) == 0
+    assert main([*said, "--page", str(tmp_path / "a.html")]) == 0
+    assert main([*said, "--json"]) == 0
+    assert main(["run", "points.info", "--points", str(points)]) == 0  # whose table is printed
+    assert "nothing will be saved" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--method", "max", "9"], "several values of an option have commas between them"),
+        (["a.laz"], "did you mean --points a.laz?"),
+        (["--classes", "ground"], "'ground' is no class or range of classes; did you mean 2?"),
+    ],
+)
+def test_what_is_nearly_right_is_answered_with_what_is(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "surface.grid", *words]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_help_has_units_and_the_name_that_was_given(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "surface.contours", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.startswith("usage: python -m toolbox run surface.contours --surface ... [options]")
+    assert "Height of one of the lines [m] (default 0.0)" in said
+    assert "height between two lines [> 0 m] (default" in said
+    with pytest.raises(SystemExit):
+        main(["run", "points.filter", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "must be met [heights and all attributes in the units of the data]" in said

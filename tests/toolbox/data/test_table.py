@@ -266,3 +266,16 @@ def test_a_zero_byte_would_cut_a_text_of_a_geopackage(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"'text' has a zero byte in 'a\\x00b'"):
         Table.from_rows([{"text": "a\0b"}]).save(tmp_path / "a.gpkg")
     assert not (tmp_path / "a.gpkg").exists()
+
+
+def test_measures_are_rounded_for_people_unless_they_are_not_to_be(tmp_path: Path) -> None:
+    rows = [{"measure": "limit", "value": 0.1 + 0.2, "unit": "m"}]
+    measures, others = Table.from_rows(rows), Table.from_rows([{"level": 0.1 + 0.2}])
+    measures.save(tmp_path / "a.csv")
+    assert "0.3,m" in (tmp_path / "a.csv").read_text()
+    measures.save(tmp_path / "b.csv", rounded=False)
+    assert "0.30000000000000004,m" in (tmp_path / "b.csv").read_text()
+    measures.save(tmp_path / "c.json")
+    assert "0.30000000000000004" in (tmp_path / "c.json").read_text()
+    others.save(tmp_path / "d.csv")
+    assert "0.30000000000000004" in (tmp_path / "d.csv").read_text(), "which tools read again"

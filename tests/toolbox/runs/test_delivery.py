@@ -350,3 +350,19 @@ def test_mistakes_in_a_model(tmp_path: Path, old: str, new: str, says: str) -> N
     path.write_text(MODEL.replace(old, new))
     with pytest.raises(ParameterError, match=says):
         catalog.load(str(path))
+
+
+def test_the_readme_says_how_many_points_were_taken_out(points: Path, tmp_path: Path) -> None:
+    path = tmp_path / "hills.yaml"
+    low = "    low: {tool: points.filter, points: {from: inputs.points}, where: z < 101}\n"
+    all_of = "    every: {tool: points.filter, points: {from: inputs.points}, where: z < 999}\n"
+    text = MODEL.replace("    named:", f"{low}{all_of}    named:")
+    for step in ("low", "every"):
+        text += f"    - {{file: {step}.laz, from: {step}.kept, help: Points {step}}}\n"
+    path.write_text(text)
+    toolbox.run(str(path), {"points": points, "deliver": tmp_path / "out"})
+    kept = len(PointCloud.open(tmp_path / "out" / "low.laz"))
+    said = (tmp_path / "out" / "README.txt").read_text()
+    told = f"Points low [{kept:,}]; {1600 - kept:,} of the points that were read are not in it"
+    assert told in said
+    assert "Points every [1,600]\n" in said

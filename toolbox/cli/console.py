@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from toolbox import language
 from toolbox.errors import DataError, ToolboxError
 from toolbox.json_text import json_text
 from toolbox.shown import DELIVER
@@ -97,7 +98,7 @@ class Console:
             if folder is not None and type(value).__name__ == "Report":
                 continue  # what it holds is on the page of the set
             said = description["outputs"].get(name, {})
-            self._print_value(name, value, _unit(said), said.get("description", ""))
+            self._print_value(name, value, _unit(said), language.text(said.get("description", "")))
 
         if isinstance(folder, Path):
             print(f"in {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}")

@@ -32,7 +32,7 @@ class SortedPoints:
     def of(cls, features: PointFeatures, some: NDArray[np.bool_]) -> SortedPoints:
         """The chosen ones of n points, sorted by x."""
         index = features.eastward[some[features.eastward]]
-        return cls(features.xyz[index, :2], index)
+        return cls(features.xyz.take(index, axis=0)[:, :2], index)
 
     def within(self, shape: Any) -> Ints:
         """Indices of the points in a polygon, in rising order."""

@@ -10,6 +10,8 @@ References
 ----------
 Council Directive 96/53/EC, annex I: vehicles are up to 2.55 m wide (2.60 m if refrigerated) and
 4.0 m high. BOStrab (1987), section 34: trams are up to 2.65 m wide. ISO 668: containers are 2.44 m.
+Osserman, R. (1979). Bonnesen-style isoperimetric inequalities. American Mathematical Monthly 86(1),
+1-29: area, perimeter and the largest disc within.
 
 On which data the limits were chosen, and how well they do on other: the page urban-classes.
 """
@@ -39,6 +41,7 @@ SMALLEST = 4.0  # m2: the smallest cars are 1.7 m wide and 2.7 m long
 LONG = 1.5  # times as long as wide, at least; small cars have 1.6
 APART = 0.4  # metres: half the gap between two bodies that are seen apart, if points allow
 BY_SPACING = 1.25  # times the spacing of points: the same where they are sparse
+SURE = 1.05  # times the largest area of narrow shapes: GEOS smooths by a hundredth of the width
 AROUND = 1.5  # metres from its side, and as much again, in which there is ground
 FREE = 0.75  # share of its sides that must have ground beside; an annexe has a wall at one
 EDGE = 0.75  # metres inside of an outline where pulses pass roofs and meet the ground
@@ -129,6 +132,7 @@ def bodies(
     alpha = max(APART * metre, BY_SPACING * spacing)
     shapes = _outlines(xyz[some, :2], alpha, ctx)
     shapes = shapes[shapely.area(shapes) >= SMALLEST * metre**2]
+    shapes = shapes[~surely_wide(shapes, WIDEST * metre)]
     shapes = shapes[shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2))]
     shapes = shapes[standing_free(shapes, xyz[height < FOOT, :2], metre) >= FREE]
     points = SortedPoints.of(features, some)
@@ -148,6 +152,19 @@ def _outlines(xy: Floats, alpha: float, ctx: Context) -> Shapes:
         return alpha_shape(xy, alpha, hole_threshold=np.inf, ctx=ctx).polygons
     except DataError:  # hardly any
         return np.empty(0, object)
+
+
+def surely_wide(shapes: Shapes, width: float) -> Mask:
+    """True for polygons without holes in which a disc of a width has room for certain: most woods.
+
+    The area is less than the radius of the largest disc times the perimeter (Osserman 1979), which
+    is known long before the shape is drawn in.
+
+    >>> wide, hardly, narrow = (shapely.box(0, 0, 1000, width) for width in (2.9, 2.75, 2.6))
+    >>> surely_wide(np.array([wide, hardly, narrow]), 2.65).tolist()
+    [True, False, False]
+    """
+    return np.asarray(shapely.area(shapes) > SURE * width / 2 * shapely.length(shapes))
 
 
 def longer_side(shape: Any) -> float:

@@ -409,12 +409,15 @@ def up_to_the_roof(
     inside = Polygons.of(shapes).hold(xyz)
     wider = shapely.get_parts(shapely.union_all(shapely.buffer(shapes, EAVES * metre)))
     beside = Polygons.of(wider).hold(xyz)
-    below = xyz[:, 2] <= highest_around(xyz, roof & inside, TOP * metre)
-    return np.asarray(~ground & (height > FOOT) & ((inside & below) | (beside & solid(features))))
+    below = inside.copy()
+    below[inside] = xyz[inside, 2] <= highest_around(xyz[inside], roof[inside], TOP * metre)
+    return np.asarray(~ground & (height > FOOT) & (below | (beside & solid(features))))
 
 
 def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
     """Highest of some points in the 3 x 3 cells around each point; -inf where there is none."""
+    if not some.any():
+        return np.full(len(xyz), -np.inf)
     lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), cell)
     row, col = lattice.indices(xyz[:, 0], xyz[:, 1])
     top = np.full(lattice.shape, -np.inf)

@@ -29,8 +29,8 @@ PARALLEL = math.cos(math.radians(15.0))  # of the angle between parts of a front
 STOREY = 2.5  # metres: a front is as wide and as high, and its parts are as near along it
 INNER = (0.05, 0.95)  # quantiles of the points of a part that lie within the depth
 ASIDE = 1.0  # metres from a wall, more than panes stand back; farther points tell its outside
-DECISIVE = 3.0  # points on one side over those on the other that tell the outside
-SOME = 0.05  # the same over the points of the wall
+DECISIVE = 3.0  # squares of ground with points on one side over those on the other that tell it
+SOME = 0.05  # points on a side over those of the wall that count
 SQUARE = 0.25  # metres: planes across a wall hold points in few squares of this side
 COPLANAR = 1.5  # distance of points from the plane of another over that of its own, at most
 FEW = 500  # points of a plane that tell whether it is in the plane of another
@@ -189,8 +189,8 @@ def outside(xyz: Floats, plane: Plane, own: Ints, metre: float) -> Plane:
     gap[inside] = picture.gaps()[picture.cells(uv[inside])]
     aside = np.abs(away) > ASIDE * metre
     free = aside & within & ~gap
-    sides = [int((free & (away > 0)).sum()), int((free & (away < 0)).sum())]
-    if max(sides) >= max(DECISIVE * min(sides), SOME * len(own)):
+    sides = _sides(uv[free, 0], away[free], SQUARE * metre, SOME * len(own))
+    if max(sides) > DECISIVE * min(sides):
         return plane if sides[0] > sides[1] else replace(plane, normal=-plane.normal)
     spread = 3 * math.sqrt(float(np.mean(away[own] ** 2)))
     set_back = [
@@ -200,6 +200,24 @@ def outside(xyz: Floats, plane: Plane, own: Ints, metre: float) -> Plane:
     if set_back[0] == set_back[1]:
         return plane if sides[0] >= sides[1] else replace(plane, normal=-plane.normal)
     return plane if set_back[1] > set_back[0] else replace(plane, normal=-plane.normal)
+
+
+def _sides(along: Floats, away: Floats, side: float, least: float) -> list[int]:
+    """Squares of the ground before and behind a wall that hold points.
+
+    Each counts once: a side wall behind the corner of a house holds more points than the street,
+    but stands on few squares. A side of fewer points than the least has none.
+
+    Parameters
+    ----------
+    along, away : places of points along a wall, and their distances from it
+    side : of a square
+    """
+    squares = np.floor(np.column_stack([along, away]) / side).astype(np.int64)
+    return [
+        len(np.unique(squares[here], axis=0)) if here.sum() >= least else 0
+        for here in (away > 0, away < 0)
+    ]
 
 
 class _Picture(NamedTuple):

@@ -464,3 +464,18 @@ def test_a_wall_scanned_from_both_sides_is_told(
     points = PointCloud(xyz, {"plane_id": (side[wall] + 1).astype(np.int32)}, crs=LOCAL)
     PlanesOpenings(points=points).run()
     assert ("has two walls, one behind the other" in caplog.text) == (sides == 2)
+
+
+@pytest.mark.parametrize("angle", [75.0, 90.0])
+def test_a_side_wall_behind_the_corner_is_not_the_street(angle: float) -> None:
+    """It holds more points than the street, behind few columns of the wall."""
+    rng = np.random.default_rng(4)
+    cloud = front()
+    away, up = rng.random((2, 200_000)) * [[14.0], [4.0]]
+    along = 0.05 + away * math.cos(math.radians(angle)) + rng.normal(0, 0.005, len(away))
+    side = np.column_stack([along, away * math.sin(math.radians(angle)), up]) + FAR
+    ids = np.append(cloud["plane_id"], np.full(len(side), 7, np.int32))
+    both = PointCloud(np.vstack([cloud.xyz, side]), {"plane_id": ids}, crs=UTM)
+    frame = found(both, plane=WALL).openings.frame
+    for kind, (left, _, right, _) in (("window", OPEN[WINDOW]), ("door", OPEN[DOOR])):
+        assert np.abs(frame.width[frame.kind == kind] - (right - left)).min() < 0.02

@@ -293,6 +293,7 @@ class Pour:
         around, amid holes that at their edge
     middle : the same, but in bodies their level
     later : places that are known by their level alone
+    ran_off : places as level and large as water may be, from which water would run off
     refused : the largest area that was no water: its cells and the reason
     """
 
@@ -304,6 +305,7 @@ class Pour:
         self.empty()
         self.stack = np.empty(self.floor.size, np.int32)
         self.later: list[Pool] = []
+        self.ran_off: list[Body] = []
         self.refused: tuple[Ints, str] = (np.zeros(0, np.int64), "")
 
     def empty(self) -> None:
@@ -327,11 +329,13 @@ class Pour:
             starts, level + STEP * metre, level - DROP * metre, most_lower, tilt
         )
         if lower > most_lower:
+            self._note(starts, level, tilt)
             return self._refuse(body, f"water would run off to ground {DROP:g} m lower")
         if len(body) < self.least:
             return self._refuse(body, "too small")
         judged, why = judge(self.cells, body, level, tilt, rough=rough)
         if judged and not judged.few and self._above_water(body, level) > most_lower:
+            self._note(starts, level, tilt)
             judged, why = None, f"it is a bank of water {DROP:g} m lower"
         if judged is None:
             return self._refuse(body, why)
@@ -340,6 +344,15 @@ class Pour:
             return []
         self._take(body, level, tilt)
         return [judged]
+
+    def _note(self, starts: Ints, level: float, tilt: Tilt) -> None:
+        """Keep a place that water runs off from, if it is large and nearly all of it is level."""
+        large = LARGE * self.cells.metre**2 / self.cells.area
+        whole = max(_patches(_mask(starts, self.floor.shape), 1), key=len)
+        if tilt == LEVEL and len(whole) >= large:
+            judged, _ = judge(self.cells, whole, level)
+            if judged and "level" in judged.evidence:
+                self.ran_off.append(judged)
 
     def doubted(self) -> list[Body]:
         """Bodies that are known by their level alone, beside all others."""
@@ -531,6 +544,12 @@ def _patches(mask: Mask, least: int) -> Iterator[Ints]:
     for label in np.flatnonzero(sizes >= least):
         if label:
             yield order[ends[label] - sizes[label] : ends[label]]
+
+
+def _mask(some: Ints, shape: tuple[int, ...]) -> Mask:
+    mask = np.zeros(shape, bool)
+    mask.ravel()[some] = True
+    return mask
 
 
 def around(lattice: Lattice, some: Ints, width: int) -> Ints:

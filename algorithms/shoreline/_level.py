@@ -23,6 +23,10 @@ TRIMMED = float(1 - 2 * WIDEST * stats.norm.pdf(WIDEST))  # move of their mean f
 MEDIAN_OF_FEW = 0.8  # points that a median deviation lacks (Croux and Rousseeuw 1992)
 FEWEST = 6  # points on the water that tell its level, or that of a strip
 BLOCKS = 16  # of which the scatter is the error: waves may be as long as a quarter of the body
+FINE = 64  # blocks that tell whether a surface has a step: few lie across it
+DIRECTIONS = 12  # of lines that are tried as the step
+STEPPED = 0.85  # share of the variance of blocks that a step explains: 0.75 of a slope
+DAYS = 0.05  # m between flights that is told of
 CONFIDENCE = 0.95
 RESAMPLED = 100  # times that the points on a shore are drawn anew, for the error of its level
 BIN, EDGE = 0.05, 0.3  # m: heights that are counted together, and that belong to an edge
@@ -65,6 +69,7 @@ class Level:
     gradient : rise eastwards and northwards
     centre : where the height is
     of_strip : number and level of each strip of which enough points are on the water
+    parts : levels of two parts side by side whose flights the points do not name, lower first
     """
 
     height: float
@@ -77,6 +82,7 @@ class Level:
     gradient: tuple[float, float] = (0.0, 0.0)
     centre: tuple[float, float] = (0.0, 0.0)
     of_strip: tuple[tuple[int, float], ...] = ()
+    parts: tuple[float, float] | None = None
 
     @property
     def highest(self) -> float:
@@ -140,6 +146,11 @@ def level_of(
         error, freedom = sigma, math.inf
     own = _levels(heights, strips, near)
     found = Level(level, error, freedom, sigma, int(near.sum()), apart, of_strip=own)
+    flat = np.column_stack([xyz[core][near, :2], heights[near] - found.shift(strips[near])])
+    if parts := _parts(flat, metre):
+        # Which of two levels is meant nobody knows: each is within the error.
+        error = math.hypot(error, float(np.ptp(parts)) / 2)
+        found = replace(found, error=error, parts=parts)
     below = level + found.shift(strip) - xyz[:, 2]
     below = below[(below > 0) & (below < MOST_SIGMA * WIDEST * metre)]
     if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
@@ -217,6 +228,29 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     return float(np.sqrt(both)), freedom, float(np.ptp(offset))
 
 
+def _parts(xyz: Floats, metre: float) -> tuple[float, float] | None:
+    """Levels on both sides of a straight line across a surface, if a step there explains it.
+
+    A slope explains three quarters as a step, waves and noise less; two levels nearly all.
+    """
+    means = np.array([xyz[some].mean(axis=0) for some in even_blocks(xyz, FINE)])
+    if len(means) < FINE:
+        return None
+    z = means[:, 2] - means[:, 2].mean()
+    best, parts = STEPPED * float(z @ z), None
+    few = len(z) // 10
+    for angle in np.arange(DIRECTIONS) * math.pi / DIRECTIONS:
+        order = np.argsort(means[:, :2] @ [math.cos(angle), math.sin(angle)], kind="stable")
+        sums, count = np.cumsum(z[order])[:-1], np.arange(1, len(z))
+        explained = sums**2 * (1 / count + 1 / (len(z) - count))
+        at = few + int(np.argmax(explained[few:-few]))
+        if explained[at] > best:
+            best = float(explained[at])
+            sides = [float(np.median(means[some, 2])) for some in np.split(order, [at + 1])]
+            parts = min(sides), max(sides)
+    return parts if parts and parts[1] - parts[0] >= DAYS * metre else None
+
+
 def _rounding(heights: Floats, step: float) -> float:
     """Standard error of a mean by the rounding of the heights.
 
@@ -230,17 +264,17 @@ def _rounding(heights: Floats, step: float) -> float:
     return step / math.sqrt(12) * math.exp(-2 * math.pi**2 * noise / step**2)
 
 
-def even_blocks(xy: Floats) -> list[Ints]:
-    """Indices of points in compact blocks that hold equally many, BLOCKS if there are enough."""
+def even_blocks(xy: Floats, most: int = BLOCKS) -> list[Ints]:
+    """Indices of points in compact blocks that hold equally many, the most if there are enough."""
     found = [np.arange(len(xy))]
-    while len(found) < BLOCKS and len(xy) >= 2 * len(found):
+    while len(found) < most and len(xy) >= 2 * len(found):
         found = [half for some in found for half in _halves(xy, some)]
     return found
 
 
 def _halves(xy: Floats, some: Ints) -> list[Ints]:
     """The points in two halves, cut across their longer side."""
-    axis = int(np.argmax(np.ptp(xy[some], axis=0)))
+    axis = int(np.argmax(np.ptp(xy[some, :2], axis=0)))
     return np.array_split(some[np.argsort(xy[some, axis], kind="stable")], 2)
 
 

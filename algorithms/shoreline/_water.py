@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from algorithms.shared.lowest import cells_of
 from algorithms.shared.otsu import otsu_threshold
 from algorithms.shoreline._bodies import (
+    CONTACT,
     LARGE,
     LEVEL,
     VERY_DARK,
     WALL,
+    WEIR,
     Body,
     CellGrid,
     Pour,
@@ -28,7 +30,7 @@ from algorithms.shoreline._bodies import (
     open_water,
 )
 from algorithms.shoreline._kernels import TAKEN
-from algorithms.shoreline._level import FEWEST, Level, edge_level, even_blocks, level_of
+from algorithms.shoreline._level import DAYS, FEWEST, Level, edge_level, even_blocks, level_of
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
 from toolbox.declare import Position
@@ -39,7 +41,9 @@ MOST_SAMPLES = 500_000  # points that tell the level of one body
 ROUNDS, MOST_ROUNDS = 3, 6  # the latter where bodies meet and become one
 FALL = 0.15  # m, from end to end of a body that is no lake
 SAME = 0.02, 0.15  # m, least and most between levels that may be the same, by their intervals
-DAYS = 0.05  # m between strips that is told of
+OVERLAP = 0.2  # share of a level place that is water found: its rest is not told of
+BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
+ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
 LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
 STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
@@ -94,6 +98,7 @@ def find_water(
         found = _sure(cells, found)
     if not found:
         _tell_nothing(cells, pour)
+    _tell_above(cells, pour, found)
     return cells, sorted(found, key=_by_size)
 
 
@@ -153,6 +158,65 @@ def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
         cells.lattice.cell / cells.metre,
         nearest,
     )
+
+
+def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
+    """Log level places from which water would run off, if they may be water all the same.
+
+    They return few pulses or are dark, or meet a body along much of its shore, which then may be
+    none: ice, floating plants, or a flight at another time.
+    """
+    wet = np.zeros(cells.low.shape, bool)
+    for water in found:
+        wet.ravel()[water.body.cells] = True
+    told: list[Body] = []
+    for place in sorted(pour.ran_off, key=lambda one: (-len(one.cells), one.cells[0])):
+        if wet.ravel()[place.cells].mean() > OVERLAP:
+            continue
+        wet.ravel()[place.cells] = True  # the same place at another level is told once
+        if not place.doubtful or any(_meets(cells, place, one) for one in found):
+            told.append(place)
+    if told:
+        x, y = _centre(cells, told[0].cells)
+        near = max(found, key=lambda one: _contact(cells, told[0], one), default=None)
+        beside = ""
+        if near and _contact(cells, told[0], near):
+            up = (told[0].level - near.level.height) / cells.metre
+            beside = f", {up:+.2f} m from the {name_of(cells, near)} beside it"
+        log.warning(
+            "points: %d places are left out which are level, and dark, or return few pulses, or "
+            "meet water along much of its shore, but from which water would run off to lower "
+            "places: flights at other times, ice, plants, water above a weir or low dam, or level "
+            "land; where they meet water, its outline may be no shore. The largest, about %.0f m2 "
+            "at %.1f,%.1f, has the level %.2f%s, and is known by: %s",
+            len(told),
+            _digits(len(told[0].cells) * cells.area / cells.metre**2),
+            x,
+            y,
+            told[0].level,
+            beside,
+            told[0].evidence,
+        )
+
+
+def _meets(cells: CellGrid, place: Body, water: Water) -> bool:
+    """Whether a level place ends at a body in a step, along much of its shore: land has banks."""
+    if _contact(cells, place, water) < CONTACT:
+        return False
+    near = around(cells.lattice, place.cells, BESIDE)
+    edge = np.intersect1d(around(cells.lattice, water.body.cells, 1), near)
+    heights = cells.low.ravel()[np.setdiff1d(edge, water.body.cells)] + cells.base
+    heights = heights[np.isfinite(heights)]
+    step = place.level - water.level.height
+    beside = len(heights) and np.median(heights) - water.level.height >= ABRUPT * step
+    return bool(beside and 0 < step <= WEIR * cells.metre)
+
+
+def _contact(cells: CellGrid, place: Body, water: Water) -> float:
+    """Length along which a place meets a body, over the root of the area of the smaller one."""
+    beside = np.intersect1d(around(cells.lattice, place.cells, BESIDE), water.body.cells)
+    length = len(beside) / BESIDE
+    return length / math.sqrt(min(len(place.cells), len(water.body.cells)))
 
 
 def _by_size(water: Water) -> tuple[int, int]:
@@ -293,8 +357,13 @@ def name_of(cells: CellGrid, water: Water) -> str:
     The area is that of its cells, in two digits; that of the outline is not known before the end.
     """
     x, y = place_of(cells, water)
-    area = float(f"{len(water.body.cells) * cells.area / cells.metre**2:.2g}")
+    area = _digits(len(water.body.cells) * cells.area / cells.metre**2)
     return f"water of about {area:.0f} m2 at {x:.1f},{y:.1f}"
+
+
+def _digits(area: float) -> float:
+    """An area in two digits, as cells do not tell more."""
+    return float(f"{area:.2g}")
 
 
 def sloping(cells: CellGrid, water: Water) -> str:
@@ -337,6 +406,16 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
                 "is found by the level of each strip",
                 name_of(cells, one),
                 strip_levels(one.level),
+            )
+        if one.level.parts:
+            low, high = one.level.parts
+            log.warning(
+                "points: the %s stands at two levels side by side, %.3f and %.3f, and the points "
+                "do not name their flights (point_source_id): they were flown at other times, or "
+                "do not fit together. Its level is the mean of its points; its interval holds both",
+                name_of(cells, one),
+                low,
+                high,
             )
         if one.level.basis == "shore" and (rise := _rise(cells, one)) > WALL * metre:
             log.warning(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
 
 from algorithms.samples.scene import scene
 from algorithms.shoreline._kernels import TAKEN, spread
+from algorithms.shoreline._level import _parts
 from algorithms.shoreline.extract import ShorelineExtract
 from toolbox.data import PointCloud, Survey
 from toolbox.declare import ClassList, Position
@@ -424,3 +426,45 @@ def test_a_valley_with_gravel_pits_holds_no_lake_above_them(data: Callable[[str]
     water = extract(cloud, bodies="all", sloped=True).water.frame
     assert water["area"].sum() < 170_000
     assert water["area"].iloc[0] == pytest.approx(152_000, rel=0.03)
+
+
+@pytest.mark.parametrize(("apart", "told"), [(0.0, False), (0.4, True)])
+def test_a_part_of_a_lake_that_stands_higher_is_told(apart: float, told: bool, caplog: Any) -> None:
+    """Of another day, or ice: its water would run off to the rest, and its edge is no shore."""
+    made = waters.survey("calm", 5, strips=(0.0, apart), returned=0.5, density=2.0)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        extract(made.points, bodies="all")
+    assert ("from which water would run off" in caplog.text) == told
+    if told:
+        (step,) = re.findall(r"([-+][0-9.]+) m from the water of about", caplog.text)
+        assert float(step) == pytest.approx(apart, abs=0.03)  # of cells, by their lowest points
+
+
+@pytest.mark.parametrize(("apart", "named"), [(0.12, False), (0.12, True), (0.0, False)])
+def test_two_levels_of_unnamed_flights_are_told_and_within_the_interval(
+    apart: float, named: bool, caplog: Any
+) -> None:
+    made = waters.survey(
+        "calm", 5, strips=(0.0, apart), named=named, returned=0.5, density=2.0, noise=0.03
+    )
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        found = extract(made.points, bodies="all")
+    told = "stands at two levels side by side" in caplog.text
+    assert told == (apart > 0 and not named)
+    assert (found.level_interval > 0.06) == (apart > 0)
+    for level in made.waters[0].level + np.array([0.0, apart]):
+        assert abs(level - found.level) <= max(found.level_interval, 0.005)
+
+
+def test_a_surface_that_falls_evenly_has_no_two_levels() -> None:
+    """A step explains three quarters of a slope, nearly all of two levels."""
+    rng = np.random.default_rng(6)
+    xy = rng.uniform(0, 300, (20_000, 2))
+    noise = rng.normal(0, 0.03, len(xy))
+    for surface, parts in (
+        (0.12 * xy[:, 0] / 300, None),
+        (0.06 * np.sin(xy[:, 0] / 24), None),
+        (0.12 * (xy @ [0.8, 0.6] > 200), pytest.approx((0.0, 0.12), abs=0.003)),
+        (0.04 * (xy @ [0.8, 0.6] > 200), None),
+    ):
+        assert _parts(np.column_stack([xy, surface + noise]), 1.0) == parts

@@ -10,7 +10,7 @@ from typing import Any
 
 from pyproj import CRS
 
-from toolbox import catalog, renamed
+from toolbox import catalog, language, renamed
 from toolbox.context import QUIET, Context, listening, log
 from toolbox.data.crs import length_problem, metres_per_unit, parse_crs, short_unit
 from toolbox.data.reading import Reading
@@ -184,6 +184,8 @@ def _run(
     found = {name: getattr(result, name) for name in [*spec.outputs, *asked]}
     record = record and replace(record, counts=tuple(counts))
     part = ctx.part(WRITE, 1)
+    if writes:  # of many points it takes as long as some tools
+        part.stage(language.text("Writing the results"))
     with delivery.folder_of(writes):
         done = delivery.write(
             spec, found, writes, record=record, told=told, overwrite=overwrite, ctx=part

@@ -61,11 +61,11 @@ def matrix_rows(confusion: Confusion) -> Iterator[Row]:
 
 
 def stratum_row(confusion: Confusion, by_block: Ints, seed: int) -> Row:
-    """The main measures of all classes side by side."""
+    """The main measures of all classes side by side, with limits for blocks."""
     found, spread, row = confusion.measures(), intervals(by_block, measures, seed), Row()
     for name in OF_STRATA:
         label = "kappa_of_classes" if name == "kappa" else name
-        row |= {label: found[name]} | limits(spread[name], f"{label}_")
+        row |= {label: found[name]} | limits(spread[name], f"{label}_block_")
     return row
 
 

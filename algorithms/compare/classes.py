@@ -99,6 +99,8 @@ class CompareClasses:
     producer's and user's accuracy, F1 and IoU. Errors of neighbouring points come together;
     therefore the 95 % intervals are made by drawing square blocks of ground with replacement
     (`block`). `stratum` counts apart for each value of an attribute, such as return_number.
+    In `strata` these limits are called block; those beside them take each point for itself, and
+    are too narrow.
 
     For ground filters `positive` names the class of interest, ground by default; points of all
     other classes count as objects. For labels where ground is 0, as in the ISPRS filter test, give

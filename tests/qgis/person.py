@@ -39,6 +39,7 @@ from qgis.utils import iface
 SAYS = json.loads(Path(os.environ["TOOLBOX_PERSON"]).read_text("utf-8"))
 FOLDER = Path(SAYS["folder"])
 PATIENCE = 90.0  # seconds for one step
+DIALOG = (860, 760)  # pixels of the dialog that the docs show
 Wait = Callable[[], Any]
 Play = Iterator[Wait]
 
@@ -361,7 +362,9 @@ def play_model_of_four() -> Play:
     yield from opened("Terrain and surface models", "dtm")
     dialog = named("AlgorithmDialog")
     write(row_of(dialog, "POINTS").box.lineEdit(), SAYS["cloud"])
-    picture("model dialog", dialog)
+    dialog.resize(*DIALOG)
+    yield lambda: dialog.width() == DIALOG[0]
+    picture("model dialog", dialog)  # docs/images/qgis-dialog.png
     yield from run(dialog)
     assert "Execution completed" in log(dialog), log(dialog)
     made = {i: lay for i, lay in QgsProject.instance().mapLayers().items() if i not in before}

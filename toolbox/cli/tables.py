@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 GAP = "  "
+WORDS = {
+    "": "",
+    "_block": " by blocks",
+}  # of the limits in columns that end so, before _low and _high
 NARROWEST = 24  # characters to which a text is wrapped at least
 
 
@@ -103,14 +107,19 @@ def _columns(frame: pd.DataFrame) -> Iterator[_Column]:
     """The columns, those of limits within that of their values."""
     names = [str(name) for name in frame]
     frame = frame.set_axis(names, axis=1)
-    with_limits = {n for n in names if {f"{n}_low", f"{n}_high"} <= set(names)}
-    limits = {f"{name}_{end}" for name in with_limits for end in ("low", "high")}
+    kinds = {f"{n}{kind}": kind for kind in WORDS for n in names}
+    found = [n for n in kinds if {f"{n}_low", f"{n}_high"} <= set(names)]
+    with_limits = {n.removesuffix(kinds[n]): kinds[n] for n in found}
+    limits = {f"{name}_{end}" for name in found for end in ("low", "high")}
     for name in names:
         texts = cell_texts(frame[name], missing="-")
         if name in with_limits:
-            ends = zip(frame[name], frame[f"{name}_low"], frame[f"{name}_high"], strict=True)
+            kind = with_limits[name]
+            low_high = (frame[f"{name}{kind}_{end}"] for end in ("low", "high"))
+            ends = zip(frame[name], *low_high, strict=True)
+            by = WORDS[kind]
             texts = [
-                text if high != high else f"{value:.4g} ({low:.4g} to {high:.4g})"  # noqa: PLR0124
+                text if high != high else f"{value:.4g} ({low:.4g} to {high:.4g}{by})"  # noqa: PLR0124
                 for text, (value, low, high) in zip(texts, ends, strict=True)
             ]
         if name not in limits:

@@ -113,7 +113,11 @@ def test_strata_have_the_measures_of_all_classes() -> None:
     row = rows["return_number 2"]
     assert row["overall_accuracy"] == pytest.approx(one.overall_accuracy)
     assert row["kappa_of_classes"] == pytest.approx(one.kappa_of_classes)
-    assert row["overall_accuracy_low"] < row["overall_accuracy"] < row["overall_accuracy_high"]
+    low, high = (row[f"overall_accuracy_block_{end}"] for end in ("low", "high"))
+    assert low < row["overall_accuracy"] < high
+    # Limits of single points are in the same row, and have another name.
+    assert "total_error_low" in row
+    assert "overall_accuracy_low" not in row
 
 
 def test_a_sample_drawn_by_class_is_weighted_by_the_mapped_area() -> None:

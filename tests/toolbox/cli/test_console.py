@@ -97,6 +97,14 @@ def test_tables_fit_the_width_of_a_terminal() -> None:
     assert "so long that" in words
 
 
+def test_limits_by_blocks_are_told_from_others() -> None:
+    frame = pd.DataFrame({"kappa": [0.7], "kappa_low": [0.6], "kappa_high": [0.8]})
+    frame = frame.assign(right=[81.0], right_block_low=[75.0], right_block_high=[87.0])
+    text = fitted(frame, WIDTH)
+    assert "0.7 (0.6 to 0.8)" in text
+    assert "81 (75 to 87 by blocks)" in text
+
+
 def test_a_wide_row_is_shown_upright() -> None:
     lines = fitted(wide().iloc[:1], WIDTH).splitlines()
     assert lines[0].split() == ["class", "ground"]

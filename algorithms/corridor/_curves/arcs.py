@@ -441,12 +441,16 @@ def settled(
 ) -> tuple[float, float, float]:
     """Chainage of a cut, moved to where the arcs on both sides meet and an arm is seen.
 
+    It may be anywhere between the last that is seen before it and the first that is seen behind.
     With it come by how much they do not, less the arm, in squares of sigmas, and the standard
     deviation of the chainage: infinite if no chainage can be tried. How likely each chainage is
     follows from that cost, as errors are normal.
     """
     middle = at * bins.step
-    near = np.abs(chainages - middle) < SETTINGS.arcs.most_shift
+    seen = low + np.flatnonzero((bins.tall[low:high] > 0).any(axis=1))
+    last, first = seen.max(initial=low, where=seen < at), seen.min(initial=high, where=seen >= at)
+    near = chainages > min(middle - SETTINGS.arcs.most_shift, bins.step * last)
+    near &= chainages < max(middle + SETTINGS.arcs.most_shift, bins.step * first)
     near &= (chainages > low * bins.step + 1.0) & (chainages < high * bins.step - 1.0)
     if not near.any():
         return middle, 0.0, math.inf

@@ -459,6 +459,17 @@ def test_cuts_that_come_nearer_than_two_supports_can_be_are_one(edges: list[int]
     np.testing.assert_allclose(cuts, [100], atol=1.0)
 
 
+@pytest.mark.parametrize("edge", [90, 110])
+def test_a_support_may_be_anywhere_where_its_wires_are_not_seen(edge: int) -> None:
+    u = np.arange(200) + 0.5
+    bins = arcs_of_tracks(np.column_stack([0.5 * (u % 100 - 50) ** 2 / 400] * 3))
+    bins.tall[88:112] = bins.flat[88:112] = 0.0
+    chainages = np.arange(0.0, 200.25, 0.25)
+    edges = np.array([0, edge, 200])
+    cuts, _ = all_settled(bins, edges, 1 / 400, chainages, np.zeros(len(chainages)))
+    np.testing.assert_allclose(cuts, [100], atol=1.0)
+
+
 @pytest.mark.parametrize("places", [(20, 80, 140), (0, 60, 120, 180)], ids=["apart", "abreast"])
 def test_lines_side_by_side_have_supports_where_each_of_them_is_held(
     places: tuple[float, ...],

@@ -50,6 +50,7 @@ from toolbox.errors import DataError
 
 ROUNDING = 1e-9  # of an area: less than this is what calculation leaves
 AGREE, COMMISSION, OMISSION = "agree", "commission", "omission"
+SLIVERS, SLIVER_AREA = "slivers", "sliver_area"
 RELATIONS = ("1:1", "1:n", "n:1", "n:m", "1:0", "0:1")
 
 Row = dict[str, Any]
@@ -93,6 +94,10 @@ class CompareAreas:
     come first. Only polygons of at least `min_area` are judged so; smaller ones still count
     as area, and as counterparts.
 
+    Outlines are not known better than their points or cells allow: slivers of difference that are
+    smaller than a square of `detail` are left out of `difference`. The table tells how many, and
+    their area, which stays in all figures.
+
     The relation tells how many polygons belong to how many of the reference, by overlaps of
     at least `min_overlap` of the smaller one: 1:1, 1:n (merged), n:1 (split), n:m, 1:0 and 0:1.
 
@@ -112,6 +117,13 @@ class CompareAreas:
         unit="m2",
         ge=0,
         label="Smallest object",
+    )
+    detail: float | None = param(
+        "Leave differences smaller than a square of this side out of the layer of differences",
+        default=None,
+        unit="m",
+        gt=0,
+        label="Detail of the outlines",
     )
     min_overlap: float = param(
         "Least intersection over union of a pair, or share of its area that must be covered",
@@ -173,7 +185,18 @@ class CompareAreas:
             return (
                 f"{told}: {self.completeness:.1f} % of the reference are found, "
                 f"{self.similarity:.1f} % of what is found are in the reference, and the "
-                f"intersection is {self.iou:.1f} % of the union."
+                f"intersection is {self.iou:.1f} % of the union.{self._slivers()}"
+            )
+
+        def _slivers(self) -> str:
+            """How many differences are too small to be listed; "" for none."""
+            values = dict(zip(self.table.frame["measure"], self.table.frame["value"], strict=True))
+            count = values.get(SLIVERS, 0)
+            if not count:
+                return ""
+            return (
+                f" {count:.0f} differences are smaller than the outlines are known, "
+                f"{values[SLIVER_AREA]:.1f} m² in all: they are in the figures, and in no list."
             )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
@@ -224,10 +247,10 @@ class CompareAreas:
             polygon_frame("areas", own, covered[0], objects.own, names, unit),
             polygon_frame("reference", other, covered[1], objects.other, known, unit),
         ]
-        difference = self._difference(overlay)
+        difference, slivers = self._difference(overlay)
         ctx.progress(1.0)
         return self.Outputs(
-            table=Table.from_rows([*sums.rows(unit), *objects.rows()]),
+            table=Table.from_rows([*sums.rows(unit), *slivers, *objects.rows()]),
             polygons=Table(pd.concat(each, ignore_index=True)),
             difference=difference,
             area=sums.area,
@@ -267,8 +290,11 @@ class CompareAreas:
         column = frame[self.label].astype(object)
         return list(column.where(column.notna(), None))
 
-    def _difference(self, overlay: Overlay) -> Vector:
-        """Layer of agreement, commission and omission, with the numbers of the features."""
+    def _difference(self, overlay: Overlay) -> tuple[Vector, list[Row]]:
+        """Layer of agreement, commission and omission, with the numbers of the features.
+
+        Rows of the table tell what is left out of it, if a detail is given.
+        """
         import geopandas
         import pandas as pd
 
@@ -289,7 +315,17 @@ class CompareAreas:
             frames.append(geopandas.GeoDataFrame(columns, geometry=parts, crs=self.areas.crs))
         frame = pd.concat(frames, ignore_index=True)
         frame = frame.sort_values("area", ascending=False, kind="stable", ignore_index=True)
-        return Vector(frame, geometry_type="Polygon")
+        if self.detail is None:
+            return Vector(frame, geometry_type="Polygon"), []
+        small = (frame["kind"] != AGREE) & (frame["area"] < self.detail**2 * (1 - ROUNDING))
+        left_out = float(frame["area"][small].sum()) / self.areas.metre**2
+        told = "differences smaller than the detail, which are in no list"
+        rows = [
+            _row(SLIVERS, small.sum(), "1", told),
+            _row(SLIVER_AREA, left_out, "m2", "their area, which is in all figures"),
+        ]
+        kept = frame[~small].reset_index(drop=True)
+        return Vector(kept, geometry_type="Polygon"), rows
 
 
 def _of_polygons(own: Side, reference: Shapes, region: Any) -> Shapes:

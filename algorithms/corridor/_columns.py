@@ -27,6 +27,9 @@ OBJECTS = {
     "falls": Column("Gap to the wire when it falls (below 0: beyond it)", "m", 1),
     "height": Column("Height above the ground", "m", 1),
     "state": Column("State of the wires"),
+    "as_surveyed": Column(
+        "Listed also as surveyed", meaning="No: only with the wires hot or in wind"
+    ),
     "may_be_wire": Column("Shape of a wire", detail=True),
     "points": Column("Points", detail=True),
     "elevation": Column("Elevation", "unit", 2, detail=True),

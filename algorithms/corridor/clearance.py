@@ -43,6 +43,7 @@ from algorithms.corridor._clearance.missed import (
 )
 from algorithms.corridor._clearance.objects import (
     FALLING,
+    as_surveyed,
     clumps_of,
     falling_trees,
     objects_of,
@@ -516,7 +517,8 @@ class CorridorClearance:
         )
         lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
         clumps = clumps_of(surroundings, objects, gap=metric.object_gap)
-        layer = object_layer(cloud, surroundings, line, rules, objects, clumps, like)
+        there = as_surveyed(surroundings, line, rules, found, reach=reach)
+        layer = object_layer(cloud, surroundings, line, rules, objects, clumps, like, there)
         missing = section(texts_of(self.wires, like))
         page = report_of(
             surroundings,
@@ -536,7 +538,7 @@ class CorridorClearance:
         severities = [rules[one.rule].severity for one in objects]
         in_zones = zones[0].sum(axis=(0, 1)).tolist()
         return self.Outputs(
-            violations=violation_cloud(cloud, surroundings, line, rules, found, objects),
+            violations=violation_cloud(cloud, surroundings, line, rules, found, objects, there),
             objects=layer,
             crossings=lines,
             spans=spans,

@@ -171,8 +171,7 @@ def draw(
     for k, one in enumerate(water, 1):
         of_body[one.body.cells] = k
     near, index, strip = _band(points, cells, [water[k] for k in chosen], ctx.part(0.0, 0.5))
-    length = max(SPACINGS / np.sqrt(cells.density), LEAST_SMOOTHING * cells.metre)
-    length = length if smoothing == "auto" else smoothing
+    length = detail_of(cells) if smoothing == "auto" else smoothing
     found = []
     for done, k in enumerate(chosen):
         part = ctx.part(0.5 + 0.5 * done / len(chosen), 0.5 + 0.5 * (done + 1) / len(chosen))
@@ -184,6 +183,11 @@ def draw(
         found.append(Outline(done + 1, water[k], smooth, parts, cells))
     ctx.progress(1.0)
     return _apart(found, least_area)
+
+
+def detail_of(cells: CellGrid) -> float:
+    """Length below which points do not tell how a shore runs, in the unit of the data."""
+    return float(max(SPACINGS / np.sqrt(cells.density), LEAST_SMOOTHING * cells.metre))
 
 
 def _apart(found: Sequence[Outline], least_area: float) -> list[Outline]:

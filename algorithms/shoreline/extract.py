@@ -20,7 +20,7 @@ import geopandas
 from algorithms.shared import parameters
 from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._bodies import CellGrid
-from algorithms.shoreline._outline import Outline, draw
+from algorithms.shoreline._outline import Outline, detail_of, draw
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell
 from toolbox.context import QUIET, Context, log
@@ -126,6 +126,11 @@ class ShorelineExtract:
         level_interval: float | None = sink("Uncertainty of the level (95 %)", unit="m")
         area: float = sink("Area of all bodies given", unit="m2")
         count: int = sink("Number of bodies given", unit="1")
+        detail: float = sink(
+            "Length below which the outlines are not known: two spacings of points, at least 1 m",
+            unit="m",
+            label="Detail of the outlines",
+        )
 
         def in_words(self) -> str:
             """How many bodies, their area and level."""
@@ -185,7 +190,7 @@ class ShorelineExtract:
             ctx.part(0.7, 1.0),
         )
         _warn(outlines)
-        return self._packed(outlines)
+        return self._packed(outlines, detail_of(cells))
 
     def _chosen(self, cells: CellGrid, water: Sequence[Water]) -> list[int]:
         """Indices of the bodies to give out."""
@@ -202,7 +207,7 @@ class ShorelineExtract:
             log.warning("%s; left out", text)
         return [k for k in chosen if k not in rivers]
 
-    def _packed(self, outlines: Sequence[Outline]) -> ShorelineExtract.Outputs:
+    def _packed(self, outlines: Sequence[Outline], detail: float) -> ShorelineExtract.Outputs:
         crs = self.points.crs
         polygons = [feature for o in outlines for feature in o.rows()]
         lines = [feature for o in outlines for feature in o.lines()]
@@ -217,6 +222,7 @@ class ShorelineExtract:
             level_interval=first.interval if first else None,
             area=sum(shape.area for shape, _ in polygons),
             count=len(outlines),
+            detail=detail,
         )
 
 

@@ -38,6 +38,8 @@ LARGEST_SOURCE = "the largest distance that other objects must keep"
 LEAST_SOURCE = "the least distance that other surfaces must keep"
 LINE_SOURCE = "the largest distance that lines must keep"
 OWN_SOURCE = "as far as these rules reach"
+BESIDE = "nothing is asked for what is beside the wire"
+BELOW = "nothing is asked for what is below the wire"
 WAYS = ("too close", "may fall", "near, no rule")
 
 
@@ -97,7 +99,7 @@ def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | No
                 made.append(_stand_in(kind, *near, why[kind]))
             elif len(directions) == 1 and directions != {"3-D"}:
                 beside = min(approach(voltage), (asked[kind], OWN_SOURCE))
-                note = f"the rules for {kind} are {directions.pop()} alone"
+                note = BESIDE if directions == {"vertical"} else BELOW
                 made.append(_stand_in(kind, *beside, note))
     return made
 
@@ -134,7 +136,7 @@ def coverage_of(
                 "nearest": round(distance, 2) if math.isfinite(distance) else None,
                 **{way: own.count(way) for way in WAYS},
                 **dict(zip(ZONE_COLUMNS, counts, strict=True)),
-                "rule": rules_for(kind, rules),
+                "rule": rules_for(kind, rules, sources=False),
             }
         )
     return Coverage(Table.from_rows(rows), list(_near(surroundings, rules, found, objects)))
@@ -147,8 +149,8 @@ def _way(rule: Rule) -> str:
     return "may fall" if rule.id == FALLING.id else "too close"
 
 
-def rules_for(kind: str, rules: Sequence[Rule]) -> str:
-    """What a kind is held to, and what it has no rule for, in words."""
+def rules_for(kind: str, rules: Sequence[Rule], *, sources: bool = True) -> str:
+    """What a kind is held to, and what it has no rule for, in words; with where that is from."""
     own = [rule for rule in rules if rule.severity != UNSURE and rule.id != FALLING.id]
     held = [rule for rule in own if rule.holds_for(kind)]
     missing = [rule for rule in held if rule.severity == NO_RULE]
@@ -157,12 +159,12 @@ def rules_for(kind: str, rules: Sequence[Rule]) -> str:
         told = f"held to the strictest of {told}"
     if not missing:
         return told
-    why = f": {missing[0].note}"
+    why = missing[0].note if missing[0].note in (BESIDE, BELOW) else f"no rule: {missing[0].note}"
     if kind == "unclassified":
-        why = f" if it is {' or '.join(rule.kind for rule in missing)}"
+        why = f"no rule if it is {' or '.join(rule.kind for rule in missing)}"
     far = max(missing, key=lambda rule: rule.threshold)
-    near = f"listed within {far.threshold:.2f} m ({far.source})"
-    return f"{told}{'; ' if told else ''}no rule{why}; {near}"
+    near = f"listed within {far.threshold:.2f} m" + (f" ({far.source})" if sources else "")
+    return f"{told}{'; ' if told else ''}{why}; {near}"
 
 
 def _near(

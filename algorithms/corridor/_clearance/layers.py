@@ -61,6 +61,7 @@ OBJECT_COLUMNS = (
     "span_id",
     "wire_id",
     "state",
+    "as_surveyed",
     "distance",
     "vertical",
     "horizontal",
@@ -81,6 +82,7 @@ VIOLATION_DESCRIPTIONS = {
     "severity": "1 crit 2 warn 3 none 4 watch 5 ?",
     "rule": "its place in the report",
     "state": "0 survey, others see report",
+    "as_surveyed": "1 also as surveyed, 0 only else",
     "wire_id": "conductor",
     "span_id": "between two towers",
     "object_id": "0 for none",
@@ -99,8 +101,14 @@ def object_layer(
     objects: Sequence[Object],
     clumps: Sequence[int],
     like: WireLike,
+    there: NDArray[np.bool_],
 ) -> Vector:
-    """Vector layer of the objects: one point per object, where it is closest to the wire."""
+    """Vector layer of the objects: one point per object, where it is closest to the wire.
+
+    Parameters
+    ----------
+    there : which points of the surroundings are listed also with the wires as surveyed
+    """
     rows: list[dict[str, Any]] = []
     for number, (one, clump) in enumerate(zip(objects, clumps, strict=True), start=1):
         rule = rules[one.rule]
@@ -124,6 +132,7 @@ def object_layer(
                 "span_id": int(line.span[one.wire]),
                 "wire_id": int(line.wire[one.wire]),
                 "state": line.states[one.state].name,
+                "as_surveyed": bool(there[one.points].any()),
                 "distance": one.space,
                 "vertical": one.vertical,
                 "horizontal": one.flat,
@@ -147,6 +156,7 @@ def violation_cloud(
     rules: Sequence[Rule],
     found: Violations,
     objects: Sequence[Object],
+    there: NDArray[np.bool_],
 ) -> PointCloud:
     """Point cloud of the points that break a rule or have none, in their original order."""
     order = np.argsort(found.point, kind="stable")
@@ -169,6 +179,7 @@ def violation_cloud(
             "severity": severity[found.rule[order]],
             "rule": (found.rule[order] + 1).astype(np.uint16),
             "state": found.state[order].astype(np.uint8),
+            "as_surveyed": there[found.point[order]].astype(np.uint8),
             "wire_id": line.wire[wire].astype(np.uint32),
             "span_id": line.span[wire].astype(np.uint32),
             "object_id": number[found.point[order]],

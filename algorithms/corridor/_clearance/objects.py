@@ -20,6 +20,7 @@ from algorithms.corridor._clearance.distances import (
     Violations,
     clearance_sd,
     fall_in,
+    find_violations,
 )
 from algorithms.corridor._clearance.rules import KINDS, SEVERITIES, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
@@ -228,6 +229,42 @@ def with_falls(
     known = found.joined(alone.select(~np.isin(alone.point, found.point)))
     rank = [SEVERITIES.index(rule.severity) for rule in rules]
     return sorted([*reaching, *trees], key=lambda one: rank[one.rule]), known
+
+
+def as_surveyed(
+    surroundings: Surroundings,
+    line: LineStates,
+    rules: Sequence[Rule],
+    found: Violations,
+    *,
+    reach: float,
+) -> NDArray[np.bool_]:
+    """Which points are listed also with the wires as surveyed, not only when hot or in wind.
+
+    Parameters
+    ----------
+    rules : also those that come without a distance, as of falling trees
+    found : violations in all states, each in that in which it is worst
+    reach : to the side of the wires, metres
+
+    Returns
+    -------
+    array of shape (n,), for all points of the surroundings
+    """
+    there = np.zeros(len(surroundings.xyz), bool)
+    there[found.point[found.state == 0]] = True
+    falls = np.array([rule.id == FALLING.id for rule in rules], bool)[found.rule]
+    trees = found.point[(found.state != 0) & falls]
+    others = found.point[(found.state != 0) & ~falls]
+    measured = [rule for rule in rules if rule.id != FALLING.id]
+    if len(others):
+        xyz, kind = surroundings.xyz[others], surroundings.kind[others]
+        now, _ = find_violations(xyz, kind, line.curves[:1], measured, reach=reach, point_sd=0.0)
+        there[others[now.point]] = True
+    if len(trees):
+        left, *_ = fall_in(surroundings.xyz[trees], surroundings.height[trees], line.curves[:1])
+        there[trees[left < 0]] = True
+    return there
 
 
 def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:

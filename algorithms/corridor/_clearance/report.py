@@ -63,6 +63,7 @@ LISTED = (
     "falls",
     "distance",
     "state",
+    "as_surveyed",
     "span_id",
     "wire_id",
     "chainage",
@@ -186,6 +187,7 @@ def _summary(
     found = ", ".join(f"{count} {word}" for word, count in counts.items())
     text = f"Spans: {len(line.spans)}. Objects too close, or to be watched: {found}."
     text += _in_clumps(listed)
+    text += _only_moved(listed)
     falling = sum(rules[one.rule].id == FALLING.id for one in objects)
     if falling:
         text += (
@@ -216,6 +218,14 @@ def _in_clumps(listed: pd.DataFrame) -> str:
     own = listed[~listed["severity"].isin([NO_RULE, UNSURE])]
     clumps = own["clump"].nunique()
     return f" They stand in {clumps} clumps." if 0 < clumps < len(own) else ""
+
+
+def _only_moved(listed: pd.DataFrame) -> str:
+    """How many objects are listed only with the wires hot or in wind, by state; "" for none."""
+    own = listed[~listed["severity"].isin([NO_RULE, UNSURE]) & ~listed["as_surveyed"].astype(bool)]
+    states = own["state"].value_counts(sort=False)
+    told = ", ".join(f"{count} at {name}" for name, count in states.items())
+    return f" Not as surveyed, but only when the wires are hot or in wind: {told}." if told else ""
 
 
 def _without_rule(coverage: Coverage) -> str:

@@ -99,6 +99,27 @@ def test_differences_are_listed_the_largest_first() -> None:
     assert omission["area"].tolist() == pytest.approx([20, 10, 10])
 
 
+def test_slivers_are_left_out_of_the_layer_and_told() -> None:
+    """Omissions of 10, 20 and 10 m²; what is exactly as large as the detail allows is listed."""
+    many = [box(20 * k, 0, 20 * k + 10, 10) for k in range(3)]
+    found = [box(20 * k + 1 + k % 2, 0, 20 * k + 10, 10) for k in range(3)]
+    every = compare(found, many)
+    for detail, areas, count, area in (
+        (math.sqrt(10.0), [20, 10, 10], 0, 0.0),
+        (3.5, [20], 2, 20.0),
+        (5.0, [], 3, 40.0),
+    ):
+        out = compare(found, many, detail=detail)
+        frame = out.difference.frame
+        assert frame.query("kind != 'agree'")["area"].tolist() == pytest.approx(areas)
+        assert (frame["kind"] == "agree").sum() == 3
+        told = measures(out)
+        assert (told.pop("slivers"), told.pop("sliver_area")) == (count, pytest.approx(area))
+        assert told == measures(every), "figures stay"
+        words = f"{count} differences are smaller than the outlines are known, {area:.1f} m² in all"
+        assert (words in out.in_words()) == (count > 0)
+
+
 def test_two_squares_by_hand() -> None:
     """10 x 10 m against the same, 4 m to the east: 60 in common, 40 on either side."""
     out = compare(box(4, 0, 14, 10), box(0, 0, 10, 10))
@@ -353,13 +374,13 @@ def test_feet_give_the_answer_of_metres() -> None:
     foot = 1200 / 3937
     rng = np.random.default_rng(3)
     own, other = (random_boxes(rng, 30) for _ in range(2))
-    metres = compare(own, other, min_area=20)
+    metres = compare(own, other, min_area=20, detail=2.0)
 
     def in_feet(shapes: list[Any]) -> Vector:
         scaled = shapely.transform(np.array(shapes), lambda xy: xy / foot)
         return layer(*scaled, crs=FEET)
 
-    feet = CompareAreas(areas=in_feet(own), reference=in_feet(other), min_area=20).run()
+    feet = CompareAreas(areas=in_feet(own), reference=in_feet(other), min_area=20, detail=2.0).run()
     here, there = (out.table.frame["value"].to_numpy(float) for out in (feet, metres))
     np.testing.assert_allclose(here, there, rtol=1e-6)
     assert feet.area == pytest.approx(metres.area, rel=1e-6)

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
 from algorithms.samples.scene import scene
 from algorithms.shoreline._kernels import TAKEN, spread
 from algorithms.shoreline._level import _parts
+from algorithms.shoreline._outline import detail_of
 from algorithms.shoreline.extract import ShorelineExtract
 from toolbox.data import PointCloud, Survey
 from toolbox.declare import ClassList, Position
@@ -468,3 +470,9 @@ def test_a_surface_that_falls_evenly_has_no_two_levels() -> None:
         (0.04 * (xy @ [0.8, 0.6] > 200), None),
     ):
         assert _parts(np.column_stack([xy, surface + noise]), 1.0) == parts
+
+
+def test_outlines_are_known_to_two_spacings_of_points_and_at_best_to_a_metre() -> None:
+    for density, metre, detail in ((0.25, 1.0, 4.0), (100.0, 1.0, 1.0), (100.0, 0.001, 0.2)):
+        cells: Any = SimpleNamespace(density=density, metre=metre)
+        assert detail_of(cells) == pytest.approx(detail)

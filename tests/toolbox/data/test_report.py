@@ -179,3 +179,10 @@ def test_paper_has_what_a_section_says_for_it() -> None:
     assert "<p>long" not in paper
     assert "Settings" not in paper
     assert "<p>long" in Report("Line", [told]).html()
+
+
+def test_a_level_in_metres_is_shown_once() -> None:
+    """In feet both columns tell something."""
+    for level, names in ((2.5, ["level_m"]), (8.2, ["level", "level_m"])):
+        rows = Rows(Table.from_rows([{"level": level, "level_m": 2.5, "area_m2": 10.0}]))
+        assert [str(n) for n in rows.shown] == [*names, "area_m2"]

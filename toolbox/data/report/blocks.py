@@ -88,16 +88,20 @@ class Rows:
 
     @cached_property
     def shown(self) -> pd.DataFrame:
-        """The rows without the columns that reports leave out, and those that hold nothing."""
+        """The rows without the columns that reports leave out, and those that hold nothing.
+
+        A height in its own unit is left out if it is the same in metres, in the column beside it.
+        """
         frame = self.table.frame
         hidden = [n for n in frame if (c := self.columns.get(str(n))) and not c.heading]
         empty = [n for n in frame if len(frame) and frame[n].isna().all()]
+        metres = [n for n in frame if f"{n}_m" in frame and frame[n].equals(frame[f"{n}_m"])]
         units = unit_column(frame)
         if units is not None:
             named = {n: frame[n].map(_plain_words) for n in frame if str(n).lower() in _NAMED}
             named |= {units: frame[units].map(unit_text, na_action="ignore")}
             frame = frame.assign(**{str(name): texts for name, texts in named.items()})
-        return frame.drop(columns=[*hidden, *empty])
+        return frame.drop(columns=[*hidden, *empty, *metres])
 
     @cached_property
     def row_digits(self) -> list[int] | None:

@@ -7,18 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from toolbox.data import Figure, PointCloud, Raster, Report, Rows, Section, Table
-from toolbox.data.asprs import CLASSES
-from toolbox.data.crs import describe_crs, height_system
+from toolbox.data import Figure, Raster, Report, Rows, Section, Table
 from toolbox.data.layer import Layer
-from toolbox.data.report import Block, Column, Head, Plot, unit_text
+from toolbox.data.report import Block, Head, Plot, unit_text
 from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
-from toolbox.pictures.images import LENGTHS
-from toolbox.reports import words
+from toolbox.reports import counted, words
+from toolbox.reports.counted import Cells
 from toolbox.reports.facts import chosen_settings, facts_of
 from toolbox.reports.maps import DRAWING, maps_of
 from toolbox.reports.space import space_of
@@ -27,13 +22,6 @@ if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
 
-_SHARE = {"Share": Column("Share", "%", 1, 100.0)}
-_OF_RASTERS = {
-    "Cell": Column("Cell", "", 2),
-    "Lowest": Column("Lowest", "", 2),
-    "Highest": Column("Highest", "", 2),
-    "Empty": Column("Empty cells", "%", 1, 100.0),
-}
 _MOST_INPUTS = 12  # files that are named on paper
 STRIP = 4  # times as long as wide, a map shows little
 
@@ -50,6 +38,8 @@ class Told:
     unseen : what was not looked at
     thinned : few enough points and cells of results and sources that are too large to be in
         memory, by name; they are drawn, and nothing is counted in them
+    cells, by_class : what is told of these, counted in all of their cells and points
+    files : names of the files that results are written to
     """
 
     given: Mapping[str, Any] = field(default_factory=dict)
@@ -57,6 +47,9 @@ class Told:
     words: list[str] = field(default_factory=list)
     unseen: list[str] = field(default_factory=list)
     thinned: Mapping[str, Layer] = field(default_factory=dict)
+    cells: Mapping[str, Cells] = field(default_factory=dict)
+    by_class: Mapping[str, Counter[int]] = field(default_factory=dict)
+    files: dict[str, str] = field(default_factory=dict)
 
 
 def page(
@@ -83,8 +76,7 @@ def page(
     listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}
     sections = [
         *_results(spec, found),
-        *_rasters(spec, layers),
-        *_classes(spec, layers, told.given),
+        *_counted(spec, layers, told),
         *(in_order(plots) or _pictures(found, spec)),
         *own,
         *_charts(found, spec),
@@ -141,7 +133,8 @@ def in_order(plots: Sequence[Section]) -> list[Section]:
 
 
 def _once(texts: Sequence[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(texts))
+    """Texts for others, each once: where files lie on this computer is nobody's business."""
+    return tuple(dict.fromkeys(map(words.without_folders, texts)))
 
 
 def _results(spec: Spec, found: Mapping[str, Any]) -> list[Section]:
@@ -164,9 +157,21 @@ def _layers(spec: Spec, found: Mapping[str, Any]) -> dict[str, Layer]:
     }
 
 
+def _counted(spec: Spec, layers: Mapping[str, Layer], told: Told) -> list[Section]:
+    """The sections with figures of rasters, and of points by class, in memory or in tiles."""
+    held = {n: counted.Cells.of(x) for n, x in layers.items() if isinstance(x, Raster)}
+    cells = {**held, **told.cells}
+    clouds = [*layers.items(), *told.given.items()]
+    points = {n: counts for n, x in clouds if (counts := counted.by_class(x))} | {**told.by_class}
+    after = {n: points[n] for n in spec.results if n in points}
+    before = next((points[n] for n in spec.sources if n in points), Counter[int]())
+    rasters = counted.rasters(spec, {n: cells[n] for n in spec.results if n in cells}, told.files)
+    return [*rasters, *counted.classes(spec, after, before)]
+
+
 def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
     """The sections that list what is in a layer, whose rows are found on the map."""
-    title = _titled(declared)
+    title = words.titled(declared)
     columns = words.columns_in(declared.columns, layer)
     for section in layer.page_sections(title, declared.help, columns):
         blocks: list[Block] = [
@@ -178,17 +183,12 @@ def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
         yield Section(section.title, blocks, section.folded)
 
 
-def _titled(declared: Field) -> str:
-    """The heading of a result: its label, else its name in words."""
-    return declared.label or words.title_of(declared.name)
-
-
 def _pictures(found: Mapping[str, Any], spec: Spec) -> list[Section]:
     """A picture of what cannot be put on a map."""
     layers = {n: s for n, s in drawable(found, spec.results).items() if not isinstance(s[0], Table)}
     if not layers:
         return []
-    names = ", ".join(_titled(spec.results[name]) for name in layers)
+    names = ", ".join(words.titled(spec.results[name]) for name in layers)
     return [Section("Picture", [Figure(png(layers), names)])]
 
 
@@ -197,73 +197,12 @@ def _charts(found: Mapping[str, Any], spec: Spec) -> list[Section]:
     charts = {n: s for n, s in drawable(found, spec.results).items() if isinstance(s[0], Table)}
     return [
         Section(
-            f"Chart: {_titled(spec.results[name])}",
-            [Figure(png({_titled(spec.results[name]): shown}), help)],
+            f"Chart: {words.titled(spec.results[name])}",
+            [Figure(png({words.titled(spec.results[name]): shown}), help)],
         )
         for name, shown in charts.items()
         for help in [spec.results[name].help if name in spec.results else name]
     ]
-
-
-def _rasters(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
-    """Section with a row for each raster: its cells, and the range of what they hold."""
-    rows = [
-        {
-            "Raster": _titled(spec.results[name]),
-            "Holds": spec.results[name].help,
-            "Cell": layer.cell,
-            "Rows": layer.shape[0],
-            "Columns": layer.shape[1],
-            "Unit": LENGTHS.get(layer.units[0], layer.units[0]),
-            **_range(layer.band()),
-        }
-        for name, layer in layers.items()
-        if isinstance(layer, Raster)
-    ]
-    crs = next((layer.crs for layer in layers.values() if isinstance(layer, Raster)), None)
-    if not rows:
-        return []
-    caption = "" if crs is None else f"{describe_crs(crs)}; heights: {height_system(crs)}"
-    return [Section("Rasters", [Rows(Table.from_rows(rows), caption, columns=_OF_RASTERS)])]
-
-
-def _range(values: NDArray[np.float64]) -> dict[str, float | None]:
-    """Least and greatest value, and the share of cells that are empty."""
-    known = values[np.isfinite(values)]
-    return {
-        "Lowest": float(known.min()) if len(known) else None,
-        "Highest": float(known.max()) if len(known) else None,
-        "Empty": 1 - len(known) / values.size,
-    }
-
-
-def _classes(spec: Spec, layers: Mapping[str, Layer], given: Mapping[str, Any]) -> list[Section]:
-    """Section with the points of each class, before and after a run that classified them."""
-    after = {n: c for n, layer in layers.items() if (c := _counted(layer))}
-    before = next((counts for layer in given.values() if (counts := _counted(layer))), Counter())
-    rows = [
-        {
-            "Points": _titled(spec.results[name]),
-            "Class": code,
-            "Name": CLASSES.get(code, ""),
-            **({"Before": before.get(code, 0)} if before else {}),
-            "After": counts.get(code, 0),
-            "Share": counts.get(code, 0) / counts.total(),
-        }
-        for name, counts in after.items()
-        for code in sorted({*counts, *before})
-    ]
-    return (
-        [Section("Points by class", [Rows(Table.from_rows(rows), columns=_SHARE)])] if rows else []
-    )
-
-
-def _counted(layer: Any) -> Counter[int]:
-    """The number of points of each class of a cloud in memory."""
-    if not isinstance(layer, PointCloud) or "classification" not in layer:
-        return Counter()
-    codes, counts = np.unique(layer["classification"], return_counts=True)
-    return Counter(dict(zip(codes.tolist(), counts.tolist(), strict=True)))
 
 
 def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:

@@ -10,10 +10,11 @@ from typing import Any
 from toolbox.data.crs import vertical_unit
 from toolbox.data.layer import Layer
 from toolbox.data.report import Column, unit_text
-from toolbox.declare.fields import Spec
+from toolbox.declare.fields import Field, Spec
 from toolbox.labels import in_words
 from toolbox.pictures.images import LENGTHS
 
+_FOLDERS = re.compile(r"(?<![\w:/.\\])(?:[A-Za-z]:[\\/]|/(?=[^\s/]+/))(?:[^\s/\\:;,]+[\\/])+")
 _SHARE = re.compile(r"\bshare\b", re.I)
 
 
@@ -82,6 +83,22 @@ def title_of(name: str) -> str:
     """
     first, *others = (in_words(part) for part in name.split("."))
     return ": ".join([first, *(other[:1].lower() + other[1:] for other in others)])
+
+
+def titled(declared: Field) -> str:
+    """The heading of a result: its label, else its name in words."""
+    return declared.label or title_of(declared.name)
+
+
+def without_folders(text: str) -> str:
+    """A text in which files have their names alone, as others have no such folders.
+
+    Examples
+    --------
+    >>> without_folders("/home/me/a.laz: 2 m/s; see https://a.org/b/c and C:\\\\data\\\\b.laz")
+    'a.laz: 2 m/s; see https://a.org/b/c and b.laz'
+    """
+    return _FOLDERS.sub("", text)
 
 
 def anchor_of(name: str) -> str:

@@ -316,6 +316,8 @@ def write(
         shown[PICTURE] = drawable(found, spec.results)
     if PAGE in wanted:
         seen = {n: value for n, value in found.items() if _is_seen(n, spec, targets)}
+        if told:
+            told.files |= names_of(targets.values())
         shown[PAGE] = page(spec, seen, record and record.of(PAGE, None, {}), told)
     for name in wanted:
         if isinstance(report := found.get(name), Report):
@@ -343,6 +345,11 @@ def write(
         several = isinstance(found.get(piece.output), tuple)
         written[piece.name] = (*written.get(piece.name, ()), path) if several else path
     return written
+
+
+def names_of(targets: Iterable[Target]) -> dict[str, str]:
+    """The name of the file that holds each result, the first of several."""
+    return {t.output: t.path.name for t in reversed(list(targets)) if t.path is not None}
 
 
 def _is_seen(name: str, spec: Spec, targets: Mapping[str, Target]) -> bool:

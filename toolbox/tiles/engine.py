@@ -43,7 +43,7 @@ from toolbox.runs.delivery import write
 from toolbox.runs.lineage import read_files
 from toolbox.runs.provenance import Record
 from toolbox.runs.source import Sources
-from toolbox.runs.target import More, Target, check_crs
+from toolbox.runs.target import More, Target, check_crs, names_of
 from toolbox.runs.target import problems as targets_problems
 from toolbox.shown import PAGE, SHOWN
 from toolbox.tiles import overview, spoken
@@ -224,6 +224,8 @@ def _finish(
     made = record and replace(record, counts=tuple(crew.plan.ordered(crew.counts)))
     if any(target.output == PAGE for target in targets.values()):
         told.thinned = _thinned(spec, crew)
+        told.cells, told.by_class = overview.cells_of(crew, spec.outputs), overview.by_class(crew)
+        told.files |= names_of(product.target for product in products)
     for folder in {product.resolved.parent for product in products}:
         folder.mkdir(exist_ok=True)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.layer import Layer
+from toolbox.reports import counted
+from toolbox.reports.counted import Cells
 from toolbox.tiles import store as tile_store
 from toolbox.tiles.crew import Crew
 from toolbox.tiles.products import Mosaic, pieces_of
@@ -27,15 +30,48 @@ SPREAD, WIDTH = np.uint64(0x9E3779B97F4A7C15), 64  # the golden ratio of 64 bits
 
 def results(crew: Crew, names: Iterable[str]) -> dict[str, Layer]:
     """The points and rasters that tiles have made for some outputs, thinned."""
+    return {
+        name: cells(Mosaic(pieces)) if is_gridded else _stored(pieces)
+        for name, pieces, is_gridded in _made(crew, names)
+    }
+
+
+def _made(crew: Crew, names: Iterable[str]) -> Iterator[tuple[str, list[Path], bool]]:
+    """The pieces of points and rasters that tiles have made, and whether it is a raster."""
     plan = crew.plan
-    found: dict[str, Layer] = {}
     for name in names:
         result, kind = plan.stored.get(name), plan.model.results[name].kind
         if result is None or result not in plan.keep or not kind.in_blocks:
             continue
         if pieces := pieces_of(crew.folder(plan.keep[result]), result):
-            found[name] = cells(Mosaic(pieces)) if kind.is_gridded else _stored(pieces)
+            yield name, pieces, kind.is_gridded
+
+
+def cells_of(crew: Crew, names: Iterable[str]) -> dict[str, Cells]:
+    """Figures of the rasters that tiles have made, of all their cells."""
+    found: dict[str, Cells] = {}
+    for name, pieces, is_gridded in _made(crew, names):
+        if is_gridded:
+            mosaic = Mosaic(pieces)
+            bands = (dataclasses.replace(mosaic.first, values=v).band() for v in mosaic.strips())
+            found[name] = Cells.of_parts(mosaic.first, mosaic.lattice, bands)
     return found
+
+
+def by_class(crew: Crew) -> dict[str, Counter[int]]:
+    """Number of points of each class, of all that were read and of all that tiles have made."""
+    counts: dict[str, Counter[int]] = {}
+    for name, survey in crew.job.surveys.items():
+        for folder in sorted((crew.work / "points").glob(f"{name}_*")):
+            arrays = tile_store.load_arrays(folder)
+            own = {n: values for n, values in arrays.items() if n not in ("origin", "table")}
+            cloud = survey.template.with_arrays(own)
+            counts[name] = counts.get(name, Counter()) + counted.by_class(cloud)
+    for name, pieces, is_gridded in _made(crew, crew.plan.model.outputs):
+        if not is_gridded:
+            layers = map(tile_store.load_layer, pieces)
+            counts[name] = sum(map(counted.by_class, layers), Counter[int]())
+    return {name: one for name, one in counts.items() if one}
 
 
 def sources(crew: Crew) -> dict[str, Layer]:

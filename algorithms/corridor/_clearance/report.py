@@ -143,7 +143,7 @@ def report_of(
     ]
     shown = [section for section in sections if section.blocks]
     summary = _summary(surroundings, line, rules, objects, listed, coverage, spans)
-    summary += _may_break(surroundings, rest) if line.spans else ""
+    summary += _may_break(surroundings, line, rest) if line.spans else ""
     head = Head(unseen=_unseen(surroundings, line, coverage, missing))
     title = "Clearances of a power line"
     return Report(title, shown, summary=summary, head=head, name="clearance")
@@ -302,16 +302,22 @@ def _moves(line: LineStates) -> tuple[float, float]:
     return float((sags[0] - sags[1]).max()), float((sags[2] - sags[0]).max())
 
 
-def _may_break(surroundings: Surroundings, rest: AtRest) -> str:
+def _may_break(surroundings: Surroundings, line: LineStates, rest: AtRest) -> str:
     """How many points may break a rule at another temperature, by kind; empty if none may."""
     kinds = np.bincount(surroundings.kind[rest.may_break], minlength=len(KINDS))
     told = ", ".join(f"{kind} {count}" for kind, count in zip(KINDS, kinds, strict=True) if count)
     if not told:
         return ""
+    looked, more = "in all states that were looked at", ""
+    if len(line.states) == 1:
+        looked = "as surveyed"
+        more = (
+            ": to have those of hot wires listed, give the conductor and its temperature in the "
+            "survey and when hot"
+        )
     return (
-        "\nPoints that keep the rules as surveyed, and may break one at another temperature of the "
-        f"wires (see there): {told}. They are in no list and no file: to have those of hot wires "
-        "listed, give the conductor and its temperature in the survey and when hot."
+        f"\nPoints that keep the rules {looked}, and may break one at another temperature of the "
+        f"wires (see there): {told}. They are in no list and no file{more}."
     )
 
 

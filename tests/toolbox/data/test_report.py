@@ -183,6 +183,7 @@ def test_paper_has_what_a_section_says_for_it() -> None:
 
 def test_a_level_in_metres_is_shown_once() -> None:
     """In feet both columns tell something."""
-    for level, names in ((2.5, ["level_m"]), (8.2, ["level", "level_m"])):
-        rows = Rows(Table.from_rows([{"level": level, "level_m": 2.5, "area_m2": 10.0}]))
+    for level, names in ((2.5, ["level_m"]), (8.2, ["level", "unit", "level_m"])):
+        one = {"level": level, "unit": "metre", "level_m": 2.5, "area_m2": 10.0}
+        rows = Rows(Table.from_rows([one]))
         assert [str(n) for n in rows.shown] == [*names, "area_m2"]

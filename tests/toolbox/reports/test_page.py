@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -181,6 +182,19 @@ def test_a_report_of_tiles_shows_points_and_rasters_and_says_what_the_whole_says
     assert max(one["dtm"].shape) <= 50
     assert one["dtm"].bounds[0] == Raster.open(out["dtm"]).bounds[0]
     assert tiled.count('data-kind="space"') == 1
+    tables = [
+        [
+            html.partition(f"<h2>{name}</h2>")[2].partition("</section>")[0]
+            for html in (tiled, whole)
+        ]
+        for name in ("Rasters", "Points by class")
+    ]
+    assert "dtm.tif</td>" in tables[0][0]
+    numbers = [re.findall(r'class="number">([^<]*)<', text) for text in tables[1]]
+    assert numbers[0] == numbers[1] != []
+    dtm = [re.findall(r">Terrain \(DTM\)</td>.*?</tr>", text, re.S)[0] for text in tables[0]]
+    one_row, all_rows = (re.findall(r'class="number">([^<]*)<', text) for text in dtm)
+    assert one_row == all_rows != []
     alone = shown("alone", "40", dtm=tmp_path / "dtm3.tif")
     assert seen["alone"][0].thinned.keys() == {"points", "dtm"}
     assert alone.count('data-kind="space"') == 1

@@ -90,12 +90,13 @@ class Rows:
     def shown(self) -> pd.DataFrame:
         """The rows without the columns that reports leave out, and those that hold nothing.
 
-        A height in its own unit is left out if it is the same in metres, in the column beside it.
+        A height in its own unit is left out, with that unit, if the column in metres says the same.
         """
         frame = self.table.frame
         hidden = [n for n in frame if (c := self.columns.get(str(n))) and not c.heading]
         empty = [n for n in frame if len(frame) and frame[n].isna().all()]
         metres = [n for n in frame if f"{n}_m" in frame and frame[n].equals(frame[f"{n}_m"])]
+        metres += [n for n in frame if metres and n == "unit"]
         units = unit_column(frame)
         if units is not None:
             named = {n: frame[n].map(_plain_words) for n in frame if str(n).lower() in _NAMED}

@@ -126,7 +126,7 @@ class ShorelineExtract:
         level_interval: float | None = sink("Uncertainty of the level (95 %)", unit="m")
         area: float = sink("Area of all bodies given", unit="m2")
         count: int = sink("Number of bodies given", unit="1")
-        detail: float = sink(
+        detail: float | None = sink(
             "Length below which the outlines are not known: two spacings of points, at least 1 m",
             unit="m",
             label="Detail of the outlines",
@@ -171,7 +171,7 @@ class ShorelineExtract:
         points = Returns.of(self.points, self.ignore, self.water_classes, ctx.part(0.0, 0.3))
         if not len(points):
             log.warning("points: there are none, and no water")
-            return self._packed([])
+            return self._packed([], None)
         cells, water = find_water(
             points,
             self.min_area,
@@ -207,7 +207,9 @@ class ShorelineExtract:
             log.warning("%s; left out", text)
         return [k for k in chosen if k not in rivers]
 
-    def _packed(self, outlines: Sequence[Outline], detail: float) -> ShorelineExtract.Outputs:
+    def _packed(
+        self, outlines: Sequence[Outline], detail: float | None
+    ) -> ShorelineExtract.Outputs:
         crs = self.points.crs
         polygons = [feature for o in outlines for feature in o.rows()]
         lines = [feature for o in outlines for feature in o.lines()]

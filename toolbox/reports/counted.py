@@ -70,9 +70,11 @@ class Cells:
             low, high = min(low, full.min(initial=np.inf)), max(high, full.max(initial=-np.inf))
         size = lattice.rows * lattice.cols
         unit = LENGTHS.get(first.units[0], first.units[0])
-        ends = (float(low), float(high)) if known else (None, None)
+        lowest, highest = (float(low), float(high)) if known else (None, None)
         share = 1 - known / size
-        return cls(lattice.cell, lattice.rows, lattice.cols, unit, first.crs, *ends, share)
+        return cls(
+            lattice.cell, lattice.rows, lattice.cols, unit, first.crs, lowest, highest, share
+        )
 
 
 def rasters(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) -> list[Section]:

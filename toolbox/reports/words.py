@@ -95,7 +95,7 @@ def without_folders(text: str) -> str:
 
     Examples
     --------
-    >>> without_folders("/home/me/a.laz: 2 m/s; see https://a.org/b/c and C:\\\\data\\\\b.laz")
+    >>> without_folders("/data/new/a.laz: 2 m/s; see https://a.org/b/c and C:\\\\data\\\\b.laz")
     'a.laz: 2 m/s; see https://a.org/b/c and b.laz'
     """
     return _FOLDERS.sub("", text)

@@ -160,9 +160,9 @@ def test_wide_tables_of_a_row_are_printed_as_a_list() -> None:
 
 
 def test_paper_shows_so_many_rows_as_it_says() -> None:
-    block = Rows(Table.from_rows([{"n": n} for n in range(100)]), "Numbers")
-    assert len(block.cells_on(paper=True)) == 40
-    assert block.caption_on(paper=True) == "Numbers (the first 40 of 100 rows)"
+    block = Rows(Table.from_rows([{"n": n} for n in range(150)]), "Numbers")
+    assert len(block.cells_on(paper=True)) == 100
+    assert block.caption_on(paper=True) == "Numbers (the first 100 of 150 rows)"
     assert block.caption_on(paper=False) == "Numbers"
 
 

@@ -92,7 +92,7 @@ def test_a_plugin_is_listed_described_and_run(site: Path, tmp_path: Path) -> Non
     points.write_text("x y z\n1 2 3\n4 5 6\n")
     plot = tmp_path / "a.png"
     words = ("--points", str(points), "--picture", str(plot))
-    assert "count: 2\n" in toolbox(site, "run", "acme.count", *words).stdout
+    assert "count: 2  (number of points)\n" in toolbox(site, "run", "acme.count", *words).stdout
     picture = np.asarray(matplotlib.image.imread(plot))[..., :3]
     line = np.abs(picture - to_rgb("#c4742b")).max(axis=-1) < 2 / 255
     assert line.sum() > 200  # the curve that the tool declares

@@ -262,7 +262,7 @@ def _hint(described: Description, word: str) -> str:
     """What a word without an option may be: one more class, or the path of the first input.
 
     >>> _hint({"inputs": {}}, "9")
-    "; several values of an option have commas between them, such as 2,9"
+    '; several values of an option have commas between them, such as 2,9'
     """
     if word.replace("-", "").isdigit():
         return "; several values of an option have commas between them, such as 2,9"

@@ -110,7 +110,7 @@ def crs_of(given: CRS | str | int | None) -> CRS | None:
     --------
     >>> crs_of("EPSG:32635") == crs_of(32635) == CRS(32635)
     True
-    >>> crs_of("EPSG:2")
+    >>> crs_of("EPSG:2")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     toolbox.errors.DataError: crs: 'EPSG:2' is not a CRS that PROJ knows; give 'EPSG:2154', ...
     """

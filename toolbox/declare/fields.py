@@ -22,7 +22,7 @@ from toolbox.labels import in_words
 COMMA = re.compile(r"-?\d+,\d+")  # a number as it is written where the comma is decimal
 METRE_POWERS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # exponents of the metre
 _SAID = re.compile(rf"(.*[\d.\s])({'|'.join(UNITS_OF_LENGTH)})([23]?)", re.I)  # 2ft, 0.5 m, 9 ft2
-_TIDY = 12  # digits: 2 ft said in metres are 2 in data in feet
+_TIDY, _SHORT = 12, 9  # digits: 2 ft said in metres are 2 in data in feet; 5 m keep all of theirs
 UNITS = (*METRE_POWERS, "1", "%", "deg", "s", "degC", "V", "kV", "A", "m/s", "W/m2")
 MEETS: Mapping[str, Callable[[Any, Any], bool]] = {
     "gt": operator.gt,
@@ -397,10 +397,13 @@ def _times(value: Any, factor: float) -> Any:
 
 
 def _tidy(value: Any) -> Any:
-    """A length in another unit without the last digits, which are those of the conversion."""
+    """A length in another unit; one of few digits without the last, which conversion has left."""
     if isinstance(value, Range):
         return Range(*map(_tidy, value))
-    return value if value is None or isinstance(value, str) else float(f"{value:.{_TIDY}g}")
+    if value is None or isinstance(value, str):
+        return value
+    tidy = float(f"{value:.{_TIDY}g}")
+    return tidy if tidy == float(f"{value:.{_SHORT}g}") else value
 
 
 def _a(word: str) -> str:

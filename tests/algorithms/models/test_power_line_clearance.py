@@ -216,5 +216,6 @@ def test_tiles_smaller_than_a_span_give_what_the_whole_gives(
         one, other = Vector.open(whole[name]).frame, Vector.open(tiles[name]).frame
         assert_frame_equal(one, other, check_exact=False, rtol=0, atol=1e-4)
     assert Vector.open(whole["wires"]).frame.equals(Vector.open(tiles["wires"]).frame)
-    for name in ("spans", "report"):
-        assert whole[name].read_text() == tiles[name].read_text()
+    for name in ("spans", "report"):  # how it was made counts the cells of each tile
+        one, other = (files[name].read_text().partition(">How it was made<") for files in made)
+        assert one[0] == other[0]

@@ -137,8 +137,9 @@ def test_what_all_rows_of_a_wide_table_say_is_said_once() -> None:
 
 def test_paper_leaves_out_details_of_a_wide_table_and_says_so() -> None:
     block = wide(3, measure_8=Column("Detail", detail=True))
-    assert block.is_across is False
-    assert wide(3).is_across is True
+    assert block.is_across(paper=True) is False
+    assert block.is_across(paper=False) is True
+    assert wide(3).is_across(paper=True) is True
     assert len(block.columns_on(paper=False)) == len(block.columns_on(paper=True)) + 1
     assert block.caption_on(paper=True).endswith(
         "More columns are in the files and on the page for browsers."

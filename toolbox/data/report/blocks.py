@@ -200,9 +200,10 @@ class Rows:
         """Whether it is printed as lists of facts: many columns of a row or two."""
         return self.is_wide and 0 < len(self.cells) <= _FEW_FACTS
 
-    @property
-    def is_across(self) -> bool:
-        """Whether it is printed on a page across."""
+    def is_across(self, *, paper: bool) -> bool:
+        """Whether it is printed on a page across; a browser prints all columns, as a table."""
+        if not paper:
+            return self.is_wide
         return not self.is_list and len(self.columns_on(paper=True)) > _WIDE
 
     @property
@@ -267,11 +268,10 @@ class Section:
         """What is in it, in a browser or on paper."""
         return self.blocks if self.printed is None or not paper else self.printed
 
-    @property
-    def is_across(self) -> bool:
+    def is_across(self, *, paper: bool) -> bool:
         """Whether it begins with a table that is printed on a page across."""
-        blocks = self.blocks_on(paper=True)
-        return bool(blocks) and isinstance(first := blocks[0], Rows) and first.is_across
+        first = next(iter(self.blocks_on(paper=paper)), None)
+        return isinstance(first, Rows) and first.is_across(paper=paper)
 
 
 @dataclass(frozen=True)

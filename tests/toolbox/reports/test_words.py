@@ -126,7 +126,7 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     row = {"body": 1, "open_length": 40.0, "perimeter": 100.0, "geometry": shapely.Point(0, 0)}
     water = Vector(geopandas.GeoDataFrame([row], geometry="geometry", crs=CRS))
     numbers = {"level": 3.5, "level_error": 0.01, "level_interval": 0.02, "area": 900.0, "count": 1}
-    made = outputs(water=water, shoreline=water, vertices=water, **numbers)
+    made = outputs(water=water, shoreline=water, vertices=water, detail=1.0, **numbers)
     assert made.in_words() == (
         "One water body of 900 m² in all; its level is 3.500 m, ± 0.020 m (95 % interval)."
     )

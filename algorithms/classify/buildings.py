@@ -125,14 +125,7 @@ class ClassifyBuildings:
     largest: float | None = param(
         "Largest building", default=None, unit="m2", gt=0, label="Largest building"
     )
-    planarity: float = param(
-        "Least share of points on planes around what is no vegetation",
-        default=0.1,
-        unit="1",
-        ge=0,
-        le=1,
-        label="Share of points on planes",
-    )
+    planarity: float = parameters.planarity()
     flat: float | None = parameters.flat_by_noise()
     radius: float | None = parameters.radius_by_density()
     context: float | None = parameters.context_by_density()

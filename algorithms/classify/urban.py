@@ -70,14 +70,7 @@ class ClassifyUrban:
     water: Vector | None = source("Polygons of water, as of shoreline.extract", default=None)
     low: float = parameters.low_ends()
     high: float = parameters.high_begins()
-    planarity: float = param(
-        "Least share of points on planes around what is no vegetation",
-        default=0.1,
-        unit="1",
-        ge=0,
-        le=1,
-        label="Share of points on planes",
-    )
+    planarity: float = parameters.planarity()
     penetration: float = param(
         "Least share of returns around vegetation that let the pulse through",
         default=0.0,

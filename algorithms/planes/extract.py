@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.planes import _columns as columns
+from algorithms.planes import _parameters as options
 from algorithms.planes._fronts import (
     FRONT_COLUMNS,
     Front,
@@ -95,43 +96,13 @@ class PlanesExtract:
     tolerance: float | Literal["auto"] = param(
         "Farthest point that belongs to a plane; auto by the noise", default="auto", unit="m", gt=0
     )
-    max_angle: float = param(
-        "Largest angle between a plane and the normals of its points",
-        default=20.0,
-        unit="deg",
-        gt=0,
-        le=90,
-        label="Largest angle",
-    )
-    min_points: int = param(
-        "Fewest points of a plane", default=100, unit="1", ge=3, label="Fewest points"
-    )
-    min_extent: float = param(
-        "Shortest side of the rectangle around a plane",
-        default=0.1,
-        unit="m",
-        ge=0,
-        label="Shortest side",
-    )
-    plane_gap: float | Literal["auto"] = param(
-        "Widest gap within a plane; auto by the points",
-        default="auto",
-        unit="m",
-        gt=0,
-        label="Widest gap in a plane",
-    )
+    max_angle: float = options.max_angle()
+    min_points: int = options.min_points()
+    min_extent: float = options.min_extent()
+    plane_gap: float | Literal["auto"] = options.plane_gap()
     connected: bool = param("Split planes at gaps", default=True, label="Split planes at gaps")
-    orientation: Orientation = param(
-        "Planes to look for", default="any", label="Planes to look for"
-    )
-    orientation_angle: float = param(
-        "How far from upright or level a plane may be to be called so",
-        default=10.0,
-        unit="deg",
-        gt=0,
-        lt=45,
-        label="Tolerance of the orientation",
-    )
+    orientation: Orientation = options.orientation()
+    orientation_angle: float = options.orientation_angle()
     regularise: bool = param(
         "Make planes parallel, perpendicular or coplanar where they almost are",
         default=False,
@@ -145,13 +116,7 @@ class PlanesExtract:
         le=20,
         label="Angle of regular planes",
     )
-    front_depth: float = param(
-        "How far the planes of a front stand before or behind the largest",
-        default=1.5,
-        unit="m",
-        gt=0,
-        label="Depth of a front",
-    )
+    front_depth: float = options.front_depth()
     confidence: float = param(
         "Probability that the best plane is among those drawn", default=0.99, unit="1", gt=0, lt=1
     )

@@ -17,6 +17,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.planes import _columns as columns
+from algorithms.planes import _parameters as options
 from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside
 from algorithms.planes._openings import COLUMNS, Openings, marked, openings
 from algorithms.planes._outlines import View, drawn
@@ -122,13 +123,7 @@ class PlanesOpenings:
         gt=0,
         label="Least recess",
     )
-    front_depth: float = param(
-        "How far the planes of a front stand before or behind the largest",
-        default=1.5,
-        unit="m",
-        gt=0,
-        label="Depth of a front",
-    )
+    front_depth: float = options.front_depth()
     depth: float = param(
         "Farthest behind that is looked at", default=5.0, unit="m", gt=0, label="Depth looked at"
     )

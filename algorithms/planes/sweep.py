@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from algorithms.planes import _parameters as options
 from algorithms.planes._cells import ROUNDING
 from algorithms.planes._fronts import fronts_of, pieces
 from algorithms.planes._search import Orientation, Rules, steepness
@@ -61,49 +62,13 @@ class PlanesSweep:
     tolerances: tuple[float, ...] | None = param(
         "Tolerances to try; by default multiples of the noise", default=None, unit="m", gt=0
     )
-    max_angle: float = param(
-        "Largest angle between a plane and the normals of its points",
-        default=20.0,
-        unit="deg",
-        gt=0,
-        le=90,
-        label="Largest angle",
-    )
-    min_points: int = param(
-        "Fewest points of a plane", default=100, unit="1", ge=3, label="Fewest points"
-    )
-    min_extent: float = param(
-        "Shortest side of the rectangle around a plane",
-        default=0.1,
-        unit="m",
-        ge=0,
-        label="Shortest side",
-    )
-    plane_gap: float | Literal["auto"] = param(
-        "Widest gap within a plane; auto by the points",
-        default="auto",
-        unit="m",
-        gt=0,
-        label="Widest gap in a plane",
-    )
-    orientation: Orientation = param(
-        "Planes to look for", default="any", label="Planes to look for"
-    )
-    orientation_angle: float = param(
-        "How far from upright or level a plane may be to be called so",
-        default=10.0,
-        unit="deg",
-        gt=0,
-        lt=45,
-        label="Tolerance of the orientation",
-    )
-    front_depth: float = param(
-        "How far the planes of a front stand before or behind the largest",
-        default=1.5,
-        unit="m",
-        gt=0,
-        label="Depth of a front",
-    )
+    max_angle: float = options.max_angle()
+    min_points: int = options.min_points()
+    min_extent: float = options.min_extent()
+    plane_gap: float | Literal["auto"] = options.plane_gap()
+    orientation: Orientation = options.orientation()
+    orientation_angle: float = options.orientation_angle()
+    front_depth: float = options.front_depth()
     seed: int = parameters.seed()
 
     @outputs

@@ -108,6 +108,18 @@ def ground_returns() -> Any:
     )
 
 
+def planarity() -> Any:
+    """Declare how flat what is no vegetation is: ``float``, a share."""
+    return param(
+        "Least share of points on planes around what is no vegetation",
+        default=0.1,
+        unit="1",
+        ge=0,
+        le=1,
+        label="Share of points on planes",
+    )
+
+
 def plane_radius() -> Any:
     """Declare the radius in which a classifier looks for planes: ``float``."""
     return param(

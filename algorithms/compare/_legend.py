@@ -14,7 +14,7 @@ from algorithms.shared.accuracy.confusion import Confusion
 from toolbox.declare import ClassList
 from toolbox.errors import DataError
 
-ENTRY = re.compile(r"\s*([^=]+?)\s*=\s*(.+?)\s*")
+ENTRY = re.compile(r"\s*([^=]+?)\s*=\s*([^=]+?)\s*")  # a second "=": two entries in one word
 MOST = 256  # classes
 CHUNK = 1 << 20  # values counted at a time
 NONE = -1  # class of what is left out, or has no counterpart

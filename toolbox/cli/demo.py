@@ -17,8 +17,8 @@ STEPS = (  # what is said, and the words after ``python -m toolbox``
     ),
     (
         "How many of them are right",
-        "run compare.classes --points {0}/ground.laz --reference {0}/town.laz --positive 2"
-        " --errors {0}/errors.laz --picture {0}/errors.png",
+        "run compare.classes --points {0}/ground.laz --reference {0}/town.laz"
+        " --map 2=ground 1,3-7,9,17,18=object --errors {0}/errors.laz --picture {0}/errors.png",
     ),
     (
         "A terrain model",

@@ -206,6 +206,7 @@ def test_mcnemar() -> None:
     ("settings", "text"),
     [
         ({"map": ("vegetation",)}, "map: 'vegetation' is not classes=name"),
+        ({"map": ("2=ground 6=building",)}, "map: '2=ground 6=building' is not classes=name"),
         ({"map": ("3,x=vegetation",)}, "map: 'x' is no class"),
         ({"map": ("3=a", "3-5=b")}, "map: class 3 is both 'a' and 'b'"),
         ({"reference_map": ("=a",)}, "reference_map: '=a' is not classes=name"),

@@ -40,6 +40,7 @@ format: .venv/installed ## format the code
 docs: .venv/installed ## rewrite what is made from the declarations, and build the site (build/site)
 	$(BIN)/python -m toolbox.reference
 	PYTHONPATH=. $(BIN)/python docs/make_clearance_rules.py
+	PYTHONPATH=. $(BIN)/python docs/make_figures.py
 	PYTHONPATH=. $(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -d build/doctrees docs build/site
 
 links: .venv/installed ## ask every address that the documentation names; needs the network
@@ -51,8 +52,9 @@ translations: .venv/installed ## bring the catalogues of translations up to date
 gallery: .venv/installed ## run the examples of all tools and draw the gallery; some minutes
 	PYTHONPATH=. $(BIN)/python docs/make_tool_pictures.py
 
-bench: .venv/installed ## measure speed and memory; needs TOOLBOX_TEST_DATA
-	$(BIN)/python -m tests.bench
+bench: .venv/installed ## measure what docs/reference/figures.md says, an hour; needs TOOLBOX_TEST_DATA
+	$(BIN)/python -m tests.bench figures
+	PYTHONPATH=. $(BIN)/python docs/make_figures.py
 
 release: .venv/installed ## build wheel, SBOM and list of licences into dist
 	rm -rf dist build/bare

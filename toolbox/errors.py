@@ -14,7 +14,7 @@ class ToolboxError(Exception):
     Examples
     --------
     >>> print(ToolboxError("ground.csf", {"cell": "must be > 0 m, got -1"}))
-    ground.csf: 1 problem(s)
+    ground.csf: 1 problem
       cell: must be > 0 m, got -1
     """
 
@@ -35,7 +35,8 @@ class ToolboxError(Exception):
         if not self.problems:
             return self.where
         lines = [f"  {name}: {text}" for name, text in self.problems.items()]
-        return "\n".join([f"{self.where}: {len(lines)} problem(s)", *lines])
+        many = "problem" if len(lines) == 1 else "problems"
+        return "\n".join([f"{self.where}: {len(lines)} {many}", *lines])
 
 
 class ParameterError(ToolboxError, ValueError):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 OwnFiles = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
 
+GEOTIFF = {".tif", ".tiff"}  # endings of rasters
 LOCK = "lock"  # file in a temporary folder, locked while the process lives that made it
 OTHERS_WRITE = 0o022  # of the mode of a folder
 FULL = 2**20  # bytes; a disk with less space than this is full
@@ -85,7 +86,11 @@ def _wrong_format(path: Path, suffixes: tuple[str, ...]) -> str | None:
     name = path.name.lower()
     if name.endswith(suffixes) and name not in suffixes:
         return None
-    return f"cannot write {path.suffix or 'a file without ending'}; use {', '.join(suffixes)}"
+    text = f"cannot write {path.suffix or 'a file without ending'}; use {', '.join(suffixes)}"
+    if path.suffix and set(suffixes) == GEOTIFF:
+        made = f"{path.stem}.tif {path.name}"
+        return f"{text}, of which a GIS makes other formats: gdal_translate {made}"
+    return text
 
 
 def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:

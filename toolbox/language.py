@@ -3,12 +3,16 @@
 The language is that of TOOLBOX_LANG, else that of the locale; English where it has no catalogue.
 A text without a translation stays English. Data, names of parameters and JSON are never
 translated.
+
+Code that knows no languages says warnings, errors and reports in English, with values in them.
+`told` finds the text among those of the catalogue, in which {1}, {2} stand for the values.
 """
 
 from __future__ import annotations
 
 import functools
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -19,6 +23,11 @@ from toolbox.places import METADATA
 FOLDER = METADATA / "translations"
 _said: ContextVar[str] = ContextVar("language", default="")
 VARIABLES = ("TOOLBOX_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
+TOLD = "told.po"  # texts with values in them
+_VALUE = re.compile(r"\{\d+\}")
+_PARTS = re.compile(r"(?<=[;:.]) +")
+# A decimal number by itself: no part of a name, of a path, of a version or of an address.
+_DECIMAL = re.compile(r"(?<![\w./:-])([-+]?\d+)\.(\d+)(?![\w/]|\.\w|-\d)")
 
 
 def languages() -> list[str]:
@@ -66,6 +75,74 @@ def text(english: str) -> str:
     'a text that nobody has translated'
     """
     return catalogue(chosen()).get(english, english)
+
+
+def told(english: str) -> str:
+    """A text with values in it, line by line, in the language of the user.
+
+    >>> told("a text that nobody has translated")
+    'a text that nobody has translated'
+    """
+    if (code := chosen()) == "en":
+        return english
+    return "\n".join(_line(code, line) for line in english.split("\n"))
+
+
+def decimals(text: str) -> str:
+    """The numbers of a text for people with the decimal sign of the language of the user.
+
+    >>> with speaking("tr"):
+    ...     decimals("0.25 m in EPSG:32635, lidar-toolbox 0.1.0, a.laz")
+    '0,25 m in EPSG:32635, lidar-toolbox 0.1.0, a.laz'
+    """
+    return text if chosen() == "en" else _DECIMAL.sub(r"\1,\2", text)
+
+
+def _line(code: str, line: str) -> str:
+    """A line; if it is not known as a whole, its longest parts that are known, one by one."""
+    text = line.strip()
+    if not text:
+        return line
+    if (made := _known(code, text)) is None:
+        ends = [part.span() for part in _PARTS.finditer(text)]
+        if not ends:
+            return line
+        found = ((end, start, _known(code, text[:end])) for end, start in reversed(ends))
+        longest = next((one for one in found if one[2]), (*ends[0], None))
+        end, start, first = longest
+        made = f"{first or text[:end]}{text[end:start]}{_line(code, text[start:])}"
+    return line.replace(text, made, 1)
+
+
+def _known(code: str, text: str) -> str | None:
+    """A text of the catalogue with its values; these may be texts, too."""
+    exact = catalogue(code)
+    for english, ending in ((text, ""), (text[:-1], text[-1:])):
+        if ending in ("", ".", ",", ";", ":") and (whole := exact.get(english)):
+            return whole + ending
+    for pattern, translated in _patterns(code):
+        if found := pattern.fullmatch(text):
+            values = {name[1:]: _line(code, value) for name, value in found.groupdict().items()}
+            return _VALUE.sub(lambda place: values[place[0][1:-1]], translated)  # noqa: B023
+    return None
+
+
+@functools.cache
+def _patterns(code: str) -> list[tuple[re.Pattern[str], str]]:
+    """What the texts with values look like, those that say most first."""
+    made = []
+    for english, translated in catalogue(code, TOLD).items():
+        words, values = _VALUE.split(english), _VALUE.findall(english)
+        if not values or not any(word.strip(" :;,.()") for word in words):
+            continue
+        # A value goes on beyond a sentence where a whole one stands first.
+        inside = r"(?:(?!\. ).)+?"
+        first = r".+?" if re.match(r"\{1\} [A-Z]", english) else inside
+        kinds = [first, *[inside] * len(values)]
+        names = [f"(?P<v{v[1:-1]}>{k})" for v, k in zip(values, kinds, strict=False)] + [""]
+        text = "".join(re.escape(w) + n for w, n in zip(words, names, strict=True))
+        made.append((len("".join(words)), re.compile(text), translated))
+    return [(pattern, text) for _, pattern, text in sorted(made, key=lambda one: -one[0])]
 
 
 def paragraphs(english: str) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
+import re
 import shlex
 from collections.abc import Iterator, Mapping
 from itertools import groupby
@@ -23,6 +25,12 @@ ROOT = METADATA.parent
 EXAMPLES = ROOT / "docs" / "examples.yaml"
 LINE = 100  # characters
 PICTURES = ROOT / "docs" / "images" / "tools"
+FIGURES = ROOT / "docs" / "figures.json"  # made by `make bench`
+SURVEYS = ROOT / "docs" / "surveys.yaml"
+TESTS = ROOT / "tests" / "algorithms"
+PAGES = ROOT / "docs" / "explanation"
+MOST_PAGES = 3
+OF_HOUSE = {"architecture.md", "speed.md", "provenance.md", "security.md"}  # on no method
 
 
 def files() -> Iterator[tuple[Path, str]]:
@@ -34,7 +42,8 @@ def files() -> Iterator[tuple[Path, str]]:
         runs = runs_of(spec, shown.get(spec.id))
         commands = {"metadata": list(examples_of(spec.id, runs))}
         yield METADATA / "tools" / f"{spec.id}.json", as_json({**tool, **commands})
-        more = [steps(spec), columns(spec), in_tiles(spec), in_use(spec.id, runs)]
+        more = [steps(spec), columns(spec), in_tiles(spec), cost(spec.id), tried(spec)]
+        more += [in_use(spec.id, runs), elsewhere(spec, runs)]
         yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, *more)
     yield ROOT / "docs" / "tools" / "index.md", index(specs)
 
@@ -113,6 +122,76 @@ def in_use(id: str, runs: list[dict[str, Any]]) -> str:
     """The section of a page with runs in the shell and in Python."""
     shell = "\n".join(f"python -m toolbox run {id} {as_words(run)}".strip() for run in runs)
     return f"## Example\n\n```sh\n{shell}\n```\n\n```python\n{_as_call(id, runs[0])}\n```"
+
+
+def cost(id: str) -> str:
+    """The section of a page on time and memory, as `make bench` has measured them."""
+    run = figures()["tools"]["runs"].get(id)
+    if run is None:
+        return ""
+    many = f"{run['points']:.1f} million points" if run["points"] else "the large sample survey"
+    says = f"The first example takes {run['seconds']:.1f} s of processor time and "
+    says += f"{run['megabytes']:.0f} MB of memory on {many}, starting and libraries included"
+    if run["seconds_more"] is not None:
+        says += f"; each further million points {run['seconds_more']:.1f} s and "
+        says += f"{max(run['megabytes_more'], 0):.0f} MB"
+    return f"## Time and memory\n\n{says}. [How this was measured](../reference/figures.md)."
+
+
+@functools.cache
+def figures() -> dict[str, Any]:
+    """What `make bench` has measured."""
+    return dict(json.loads(FIGURES.read_text(encoding="utf-8")))
+
+
+def tried(spec: Spec) -> str:
+    """The section of a page on the real surveys of its tests, and what explains its limits."""
+    names = yaml.safe_load(SURVEYS.read_text(encoding="utf-8"))
+    texts = [path.read_text(encoding="utf-8") for path in sorted(TESTS.rglob("test_*.py"))]
+    own = re.compile(rf'"{re.escape(spec.id)}"|\b{spec.make.__name__}\b')
+    used = "".join(text for text in texts if own.search(text))
+    found = [name for name in sorted(names) if re.search(rf"[\"/]{name}[\"/]", used)]
+    lines = ["## Where it was tried", "", "Its own tests use sample surveys with known truth"]
+    lines[-1] += ", and these real ones:\n" if found else " alone."
+    lines += [f"- {names[name]}" for name in found]
+    if links := [f"[{_heading(p)}](../explanation/{p.name})" for p in _pages_on(spec.id)]:
+        lines += ["", f"What it does, how well, and where it fails: {', '.join(links)}."]
+    return "\n".join(lines)
+
+
+def _pages_on(id: str) -> list[Path]:
+    """The explanations that speak of a tool, those that do so most first."""
+    pages = [path for path in sorted(PAGES.glob("*.md")) if path.name not in OF_HOUSE]
+    counts = {path: path.read_text(encoding="utf-8").count(f"`{id}`") for path in pages}
+    return sorted(filter(counts.get, pages), key=lambda path: -counts[path])[:MOST_PAGES]
+
+
+def _heading(page: Path) -> str:
+    first = page.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+    return first[:1].lower() + first[1:] if first[1:2].islower() else first
+
+
+def elsewhere(spec: Spec, runs: list[dict[str, Any]]) -> str:
+    """The folded section of a page on the same run in QGIS, and as a step of a model."""
+    given = {k: v for k, v in runs[0].items() if not isinstance(v, list)}
+    capitals = [f"{name.upper()}={shlex.quote(_shell(value))}" for name, value in given.items()]
+    command = f"qgis_process run lidartoolbox:{re.sub('[^a-z0-9]', '', spec.id)} -- "
+    read = [name for name in given if name in spec.sources]
+    said = [f"{name}: {_literal(v)}" for name, v in given.items() if name in spec.inputs]
+    said = [f"{name}: {{from: inputs.{name}}}" for name in read] + [
+        line for line in said if line.partition(":")[0] not in read
+    ]
+    step = "\n".join([f"  tool: {spec.id}", *(f"  {line}" for line in said)])
+    return (
+        "<details><summary>In QGIS, and as a step of a model</summary>\n\n"
+        f"In the Processing toolbox: *LiDAR Toolbox > {spec.group} > {spec.title}*. In a "
+        f"terminal:\n\n```console\n$ {command}{' '.join(capitals)}\n```\n\n"
+        f"In a [model](../howto/write-a-model.md):\n\n```yaml\nstep:\n{step}\n```\n\n</details>"
+    )
+
+
+def _shell(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _as_call(id: str, values: Mapping[str, Any]) -> str:

@@ -1,13 +1,15 @@
 """Brings the catalogues of translations up to date: ``make translations``.
 
 ``tools.po`` has the texts of all tools, from their descriptions; ``messages.po`` those that the
-code marks with ``language.text("...")``. Texts that are gone become obsolete entries, from which a
-text that comes back takes its translation.
+code marks with ``language.text("...")``; ``told.po`` those with values in them that warnings,
+errors and reports say, in which {1}, {2} stand for the values. Texts that are gone become obsolete
+entries, from which a text that comes back takes its translation.
 """
 
 from __future__ import annotations
 
 import ast
+import itertools
 import re
 import sys
 from collections.abc import Iterable, Iterator
@@ -19,6 +21,22 @@ from toolbox import catalog, language
 from toolbox.language import FOLDER
 
 CODE = Path(__file__).parent
+SILENT = (
+    "qgis/plugin",
+    "declare/spec",
+    "corridor/_settings",
+    "toolbox/reference",
+    "toolbox/translations",
+    "toolbox/server",
+    "toolbox/cli",
+)
+ELSEWHERE = ("source", "param", "sink", "text", "compile", "add_argument")
+WORD, FEW = re.compile(r"[A-Za-z]{2,}"), 2  # of so many words a text is hardly one
+NO_TEXT = re.compile(r"</|<\w|SELECT |CREATE |PRAGMA|==|::|^\S+$|^\w+(,\s?\w+)*$|[A-Z]{4,}\[")
+ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")[^"]+(?="\))')
+PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
+PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")
+VALUE = re.compile(r"\{\d+\}")
 # what a translation must hold as it is: `names`, {places}, %s, --options, ids of tools
 KEPT = re.compile(r"``[^`]+``|`[^`]+`|\{[^}]*\}|%[sd]|--[a-z][\w-]*|\b[a-z]+\.[a-z_]+\b(?!\.)")
 
@@ -52,7 +70,79 @@ def of_code() -> list[str]:
                 for arg in node.args:
                     if isinstance(arg, ast.Constant):
                         found[str(arg.value)] = None
-    return list(found)
+    for path in sorted(CODE.rglob("page.*")):
+        found |= dict.fromkeys(ON_PAGES.findall(path.read_text(encoding="utf-8")))
+    return list(dict.fromkeys([*found, "warning", "error"]))
+
+
+def of_told() -> list[str]:
+    """All texts that warnings, errors and reports may say: of some words, with marks for values."""
+    found: dict[str, None] = {}
+    for folder in (CODE, CODE.parent / "algorithms"):
+        for path in sorted(folder.rglob("*.py")):
+            if not any(part in path.as_posix() for part in SILENT):
+                tree = ast.parse(path.read_text(encoding="utf-8"))
+                found |= dict.fromkeys(_told_by(tree))
+    elsewhere = {*of_tools(), *of_code()}
+    return [*(text for text in found if text not in elsewhere), *PROBLEMS]
+
+
+def _told_by(tree: ast.AST) -> Iterator[str]:
+    """The texts of a module that people may read, in the order of the code."""
+    silent = {id(part) for node in ast.walk(tree) for part in _silent_in(node)}
+    short = {id(part) for node in ast.walk(tree) for part in _headings_in(node)}
+    for node in ast.walk(tree):
+        if id(node) in silent or (text := _with_marks(node)) is None:
+            continue
+        words = WORD.findall(VALUE.sub(" ", text))
+        is_text = len(words) > FEW and not NO_TEXT.search(text)
+        if is_text or (id(node) in short and words):
+            yield text
+
+
+def _silent_in(node: ast.AST) -> Iterator[ast.AST]:
+    """Parts of a node that are no texts, or stand in another catalogue."""
+    body = getattr(node, "body", None)
+    if isinstance(body, list):
+        yield from (s.value for s in body if isinstance(s, ast.Expr))  # docstrings
+    if isinstance(node, ast.JoinedStr):
+        yield from node.values
+    if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ELSEWHERE:
+        inside = list(ast.walk(node))
+        columns = {id(p) for call in inside if _is_call(call, "Column") for p in ast.walk(call)}
+        yield from (part for part in inside if id(part) not in columns)
+
+
+def _headings_in(node: ast.AST) -> Iterator[ast.AST]:
+    """Texts that may be of one word: headings of sections, columns and facts."""
+    if _is_call(node, "Column", "Section", "Rows", "Figure"):
+        yield from (part for arg in ast.iter_child_nodes(node) for part in _plain(arg))
+    if isinstance(node, ast.Dict):
+        keys = [k.value for k in node.keys if isinstance(k, ast.Constant)]
+        if keys and all(isinstance(key, str) and key[:1].isupper() for key in keys):
+            yield from filter(None, node.keys)
+
+
+def _plain(arg: ast.AST) -> Iterator[ast.AST]:
+    value = arg.value if isinstance(arg, ast.keyword) else arg
+    if not isinstance(arg, ast.keyword) or arg.arg in ("heading", "meaning", "caption", "title"):
+        yield value
+
+
+def _is_call(node: ast.AST, *names: str) -> bool:
+    return isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in names
+
+
+def _with_marks(node: ast.AST) -> str | None:
+    """A text of the code, with {1}, {2} in place of its values; None of what is no text."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str) and "{" not in node.value:
+        text = PERCENT.sub("\0", node.value).replace("%%", "%")
+    elif isinstance(node, ast.JoinedStr):
+        text = "".join(str(v.value) if isinstance(v, ast.Constant) else "\0" for v in node.values)
+    else:
+        return None
+    number = itertools.count(1)
+    return " ".join(re.sub("\0", lambda _: f"{{{next(number)}}}", text).split())
 
 
 def update(path: Path, texts: Iterable[str], code: str) -> polib.POFile:
@@ -85,7 +175,7 @@ def _kept(text: str) -> set[str]:
 
 def main() -> None:
     """Write all catalogues, and say what is missing."""
-    sources = {"tools.po": of_tools(), "messages.po": of_code()}
+    sources = {"tools.po": of_tools(), "messages.po": of_code(), language.TOLD: of_told()}
     for folder in sorted(path for path in FOLDER.iterdir() if path.is_dir()):
         for name, texts in sources.items():
             made = update(folder / name, texts, folder.name)

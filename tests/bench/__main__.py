@@ -14,6 +14,7 @@ from tests.bench.corridor_presets import corridor_presets
 from tests.bench.corridor_real import corridor_real
 from tests.bench.corridor_settings import corridor_settings
 from tests.bench.facades import facades
+from tests.bench.figures import figures, outlines, real_fronts
 from tests.bench.files import copc, damaged, memory, reading, reprojecting, startup
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
@@ -77,6 +78,9 @@ ALL = (
     fingerprints,
     metamorphic,
     path,
+    real_fronts,
+    outlines,
+    figures,
 )
 WITH_OPTIONS = (
     chains,
@@ -84,6 +88,7 @@ WITH_OPTIONS = (
     corridor_presets,
     corridor_real,
     corridor_settings,
+    figures,
     metamorphic,
     waters,
 )

@@ -430,11 +430,11 @@ def check_the_command_to_repeat_a_run() -> None:
 
 def check_errors_are_in_the_words_of_the_dialog() -> None:
     algorithm = provider.algorithm("pointsdenoise").create()
-    text = "points.denoise: 1 problem(s)\n  points: a.xyz has no CRS; state it with --assume-crs"
+    text = "points.denoise: 1 problem\n  points: a.xyz has no CRS; state it with --assume-crs"
     assert algorithm.in_words_of_the_dialog(
         f"{text} EPSG:..., or --assume-crs local\n  no: -x"
     ) == (
-        "points.denoise: 1 problem(s)\n  “Points”: a.xyz has no CRS; choose it in "
+        "points.denoise: 1 problem\n  “Points”: a.xyz has no CRS; choose it in "
         "“CRS, if the file states none”: EPSG:..., or local\n  no: -x"
     )
 

@@ -6,8 +6,10 @@ import os
 from pathlib import Path
 from typing import Any
 
+import geopandas as gpd
 import numpy as np
 import pytest
+import shapely
 from affine import Affine
 from pyproj import CRS
 from scenes import layers
@@ -153,6 +155,14 @@ def test_a_crs_is_assumed_before_the_files_are_compared(tmp_path: Path) -> None:
     assert (len(kept), kept.crs) == (8, CRS(32635))
     survey = toolbox.run("points.info", {"points": tmp_path}, assume_crs="EPSG:32635")
     assert survey["count"] == 8
+
+
+def test_a_missing_crs_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    spots = Vector(gpd.GeoDataFrame(geometry=[shapely.Point(0.5, 0.5, 1.0)]))
+    values = {"surface": layers.raster([[1.0, 2.0]]), "checkpoints": spots}
+    with pytest.raises(DataError, match="has no CRS; state it with assume_crs, to go with"):
+        toolbox.run("compare.surfaces", values)
+    assert "has no CRS" not in caplog.text
 
 
 def test_several_sources_of_a_kind(together: str, text: Path) -> None:

@@ -55,6 +55,12 @@ def test_wrong_name(tmp_path: Path, name: str, text: str) -> None:
     assert text in str(check(tmp_path / name))
 
 
+def test_a_name_of_another_raster_says_how_it_is_made(tmp_path: Path) -> None:
+    kinds, own = {"dtm": (".tif", ".tiff")}, {"dtm": alone}
+    problems = files.problems({"dtm": tmp_path / "a.asc"}, kinds, own, [], overwrite=False)
+    assert problems["dtm"].endswith("other formats: gdal_translate a.tif a.asc")
+
+
 def test_existing_file_needs_overwrite(tmp_path: Path) -> None:
     path = tmp_path / "old.laz"
     path.write_text("old")

@@ -10,10 +10,12 @@ import pytest
 
 from toolbox import catalog, language, translations
 from toolbox.cli.main import main
+from toolbox.data import Report, Rows, Section, Table
 from toolbox.labels import LONGEST_TITLE
 
 LANGUAGES = sorted(path.name for path in language.FOLDER.iterdir())
-CATALOGUES = [(code, name) for code in LANGUAGES for name in ("tools.po", "messages.po")]
+TOLD = {"tr": 1000}  # texts of warnings, errors and reports that are translated at least
+CATALOGUES = [(code, name) for code in LANGUAGES for name in ("tools.po", "messages.po", "told.po")]
 
 
 def read(code: str, name: str) -> polib.POFile:
@@ -115,3 +117,55 @@ def test_an_update_keeps_what_is_translated_and_retires_what_is_gone(tmp_path: P
     made.save(str(path))
     again = translations.update(path, ["Gone"], "tr")
     assert again.find("Gone").msgstr == "Giden"
+
+
+def test_texts_with_values_are_found_and_numbers_have_commas(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("TOOLBOX_LANG", "tr")
+    text = "3 points have no counterpart in the other cloud"
+    assert language.told(text) == "3 noktanın diğer bulutta karşılığı yok"
+    two = "surface.grid: 1 problem\n  cell: must be > 0 m, got -1"
+    assert language.told(two) == "surface.grid: 1 sorun\n  cell: > 0 m olmalı, verilen -1"
+    assert language.told("7 of us. No building is here") == "7 of us. No building is here"
+    longer = "No buildings were found. 40 % of the points lie on no plane."
+    assert language.told(longer) == (
+        "Bina bulunamadı. Noktaların % 40 kadarı hiçbir düzlemde değil."
+    )
+    assert language.decimals("0.5 m, v1.2.3, a_1.tif, 2026-11-24") == (
+        "0,5 m, v1.2.3, a_1.tif, 2026-11-24"
+    )
+    monkeypatch.setenv("TOOLBOX_LANG", "en")
+    assert language.told(text) == text
+    assert language.decimals("0.5") == "0.5"
+
+
+@pytest.mark.parametrize("code", LANGUAGES)
+def test_texts_that_are_told_are_in_the_code(code: str) -> None:
+    known = set(translations.of_told())
+    said = {entry.msgid for entry in read(code, language.TOLD).translated_entries()}
+    assert not said - known
+    assert len(said) >= TOLD[code]
+
+
+def test_a_report_speaks_the_language_of_its_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = Rows(Table.from_rows([{"kind": "tree", "seen": True, "points": 0.25}]))
+    report = Report("Quality of a survey", [Section("Spans", [rows])], summary="None.")
+    report = report.titled(client="Muş", date="2026-11-24")
+    monkeypatch.setenv("TOOLBOX_LANG", "tr")
+    page = report.html()
+    for text in (
+        'lang="tr"',
+        ">Açıklıklar<",
+        ">Müşteri<",
+        ">evet<",
+        ">0,2500<",
+        ">Özet<",
+        "Yakınlaş",
+    ):
+        assert text in page
+    monkeypatch.setenv("TOOLBOX_LANG", "en")
+    page = report.html()
+    for text in ('lang="en"', ">Spans<", ">Client<", ">yes<", ">0.2500<"):
+        assert text in page
+    assert "Yakınlaş" not in page

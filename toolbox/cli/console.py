@@ -82,8 +82,9 @@ class Console:
         self._told(text)
 
     def message(self, level: str, text: str) -> None:
-        text = as_options(text)
-        _warn(text if level == "info" else f"{_coloured(f'{level}:', level)} {text}")
+        text = as_options(language.told(text))
+        word = language.text(level)
+        _warn(text if level == "info" else f"{_coloured(f'{word}:', level)} {text}")
 
     def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
         """Print the results of a tool: paths, layers and values."""
@@ -128,13 +129,14 @@ class Console:
     def error(self, err: BaseException) -> int:
         """Print an error and return its exit code."""
         code = exit_code(err)
-        self._report(code, as_options(_error_text(err)))
+        self._report(code, as_options(language.told(_error_text(err))))
         if (not isinstance(err, ToolboxError) or err.__cause__) and self.level == "verbose":
             _warn("".join(traceback.format_exception(err)))
         return code
 
     def _report(self, code: int, text: str) -> None:
-        _warn(f"{_coloured('error:', 'error')} {text}" if code != 130 else text)
+        word = language.text("error")
+        _warn(f"{_coloured(f'{word}:', 'error')} {text}" if code != 130 else text)
 
 
 class Events(Console):
@@ -170,7 +172,7 @@ class Events(Console):
         self._event("stage", text=text)
 
     def message(self, level: str, text: str) -> None:
-        self._event("log", level=level, message=as_options(text))
+        self._event("log", level=level, message=as_options(language.told(text)))
 
     def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
         self._event("result", outputs={name: as_json(value) for name, value in outputs.items()})

@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -263,6 +264,7 @@ def _run(said: list[str]) -> int:
         values = arguments.merged(described, params, said_values)
         if not console.as_json and not isinstance(console, Events):
             _tell_unsaved(described, values, general, console)
+            _tell_compiling(console)
         with _kept(said[0], described, values, general) as outputs:
             outputs.update(_execute(said[0], values, general, console, pipe))
         console.result(described, outputs)
@@ -288,6 +290,15 @@ def _tell_unsaved(
     ]
     if layers and not written & values.keys() and not SHOWN & general.keys():
         console.message("info", f"nothing will be saved; to keep a result: --{layers[0]} PATH")
+
+
+def _tell_compiling(console: Console) -> None:
+    """Say why the first command takes longer, on an installation that has compiled nothing."""
+    where = find_spec("algorithms")
+    places = (where and where.submodule_search_locations) or ()
+    kept = os.environ.get("NUMBA_CACHE_DIR") or next(iter(places), "")
+    if kept and not next(Path(kept).rglob("*.nbi"), None):
+        console.message("info", language.text("compiling loops, once: this may take a minute"))
 
 
 def _need_tool(verb: str, said: list[str]) -> None:

@@ -407,6 +407,7 @@ def measures_lengths(spec: Spec, values: Mapping[str, Any]) -> bool:
 def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
     """The problems of layers: different CRS, or a CRS in which metres have no meaning."""
     found: dict[str, str] = {}
+    told: dict[str, str] = {}
     layers = [(n, layer) for n, layer in _layers(spec, values) if not spec.sources[n].any_crs]
     lengths = measures_lengths(spec, values)
     for name, layer in layers:
@@ -415,12 +416,14 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
         if lengths:
             found.setdefault(name, f"{layer.name} {text}".strip())
         else:
-            log.warning("%s: %s %s", name, layer.name, text)
+            told[name] = f"{layer.name} {text}".strip()
     for name, layer in layers[1:]:
         first_name, first = layers[0]
         heights = "z" in first.axes and "z" in layer.axes
         if text := crs_conflict(layer.crs, first.crs, heights=heights, tools=layer.tools):
             found[name] = f"{layer.name} {text} of {first_name} {first.name}".strip()
+    for name in told.keys() - found.keys():  # else the error says it
+        log.warning("%s: %s", name, told[name])
     return found
 
 

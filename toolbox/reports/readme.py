@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from toolbox import language
 from toolbox.declare.fields import Spec
 from toolbox.reports.page import Told, said
 
@@ -88,27 +89,27 @@ def readme(
     summary, known = said(spec, given, record, told)
     facts += known.facts
     there = [entry for entry in entries if not entry.left_out]
-    lines = [title, "=" * len(title), "", *_pairs(facts)]
+    lines = [*_underlined(title, "=")[1:], "", *_pairs(facts)]
     lines += _section("Result", [summary])
     lines += _section("Warnings", known.warnings)
     lines += _section("Not looked at", known.unseen)
-    lines += ["", "Files", "-----", *_files(there)]
+    lines += [*_underlined("Files"), *_files(there)]
     absent = [
         f"{entry.file}: {entry.help}. {entry.left_out}" for entry in entries if entry.left_out
     ]
     lines += _section("Left out", absent)
     lines += _drawings(there)
     lines += _columns(there)
-    lines += ["", "How it was made", "---------------", *_how(spec)]
+    lines += [*_underlined("How it was made"), *_how(spec)]
     return "\n".join(lines) + "\n"
 
 
 def _pairs(pairs: Iterable[tuple[str, str]]) -> Iterator[str]:
-    pairs = list(pairs)
+    pairs = [(language.told(name), text) for name, text in pairs]
     width = max((len(name) for name, _ in pairs), default=0) + 2
     for name, text in pairs:
         indent = " " * width
-        yield from textwrap.wrap(
+        yield from _wrapped(
             text, _WIDTH, initial_indent=name.ljust(width), subsequent_indent=indent
         ) or [name]
 
@@ -118,35 +119,44 @@ def _section(title: str, texts: Iterable[str]) -> list[str]:
     made = [
         line
         for text in said
-        for line in textwrap.wrap(text, _WIDTH, initial_indent="- ", subsequent_indent="  ")
+        for line in _wrapped(text, _WIDTH, initial_indent="- ", subsequent_indent="  ")
     ]
-    return ["", title, "-" * len(title), *made] if made else []
+    return [*_underlined(title), *made] if made else []
+
+
+def _underlined(title: str, line: str = "-") -> list[str]:
+    said = language.told(title)
+    return ["", said, line * len(said)]
+
+
+def _wrapped(text: str, width: int, **indents: str) -> list[str]:
+    """A text in the language of the user, in lines."""
+    return textwrap.wrap(language.told(text), width, **indents)  # type: ignore[arg-type]
 
 
 def _files(entries: Sequence[Entry]) -> Iterator[str]:
     """Each file with what opens it, and its layers or what it holds."""
     for file in dict.fromkeys(entry.file for entry in entries):
         opens = _OPENS.get(_suffix(file), "")
-        yield f"{file}{f'  ({opens})' if opens else ''}"
+        yield f"{file}{f'  ({language.told(opens)})' if opens else ''}"
         for entry in [entry for entry in entries if entry.file == file]:
             layer = f"{entry.layer}: " if entry.layer else ""
             count = "" if entry.size is None else f" [{entry.size:,}]"
             if entry.without:
                 count += f"; {entry.without:,} of the points that were read are not in it"
-            text = f"{layer}{entry.help}{count}"
-            yield from textwrap.wrap(
-                text, _WIDTH, initial_indent="    ", subsequent_indent="      "
-            )
+            text = f"{layer}{language.told(entry.help)}{count}"
+            yield from _wrapped(text, _WIDTH, initial_indent="    ", subsequent_indent="      ")
 
 
 def _drawings(entries: Sequence[Entry]) -> Iterator[str]:
     """The unit and the layers of each drawing, with their colours."""
     drawings = [entry for entry in entries if entry.drawn]
     if drawings:
-        yield from ("", "Drawings", "--------")
+        yield from _underlined("Drawings")
     for entry in drawings:
         unit = f"in {entry.unit}" if entry.unit else "of a unit that is not known"
-        yield f"{entry.file}: {unit}; layer, colour (its number in CAD) [features]"
+        text = f"{entry.file}: {unit}; layer, colour (its number in CAD) [features]"
+        yield language.told(text)
         layers = [
             (f"    {name}", f"{colour} [{count:,}]")
             for name, colour, count in sorted(entry.drawn, key=lambda one: one[0])
@@ -167,9 +177,9 @@ def _columns(entries: Sequence[Entry]) -> Iterator[str]:
             named = f"{entry.file}, {entry.layer}" if entry.layer else entry.file
             tables.setdefault(tuple(entry.columns), []).append(named)
     if tables:
-        yield from ("", "Columns", "-------")
+        yield from _underlined("Columns")
     for columns, files in tables.items():
-        yield from textwrap.wrap("; ".join(files), _WIDTH)
+        yield from _wrapped("; ".join(files), _WIDTH)
         pairs = [
             (f"    {name}", f"{meaning} [{unit}]" if unit else meaning)
             for name, unit, meaning in columns
@@ -178,7 +188,7 @@ def _columns(entries: Sequence[Entry]) -> Iterator[str]:
     if joined:
         named = " and ".join(entry.file for entry in joined)
         text = f"{named}: the columns of the layers above that they join, in `layer` by name"
-        yield from textwrap.wrap(text, _WIDTH)
+        yield from _wrapped(text, _WIDTH)
 
 
 def _is_joined(entry: Entry, entries: Sequence[Entry]) -> bool:
@@ -203,4 +213,4 @@ def _how(spec: Spec) -> list[str]:
         "the file again and says whether it is the same. Numbers in [brackets] count points, "
         "features, rows, or cells with a value."
     )
-    return textwrap.wrap(text, _WIDTH)
+    return _wrapped(text, _WIDTH)

@@ -22,10 +22,16 @@ WORK, EACH = 24, 4  # bytes of memory per cell: of the work, and of each raster 
 MANY = 25  # cells per point: their side is a fifth of the distance between points
 
 
-def check(spec: Spec, settings: Mapping[str, Any], layers: Mapping[str, Any]) -> None:
+def check(
+    spec: Spec, settings: Mapping[str, Any], layers: Mapping[str, Any], side: float = math.inf
+) -> None:
     """Warn of cells far smaller than the points are apart; refuse what memory does not hold.
 
     Where a raster is read, its cells are those that are made.
+
+    Parameters
+    ----------
+    side : metres, of the square whose cells are in memory at a time: a tile with what is around
 
     Raises
     ------
@@ -42,10 +48,10 @@ def check(spec: Spec, settings: Mapping[str, Any], layers: Mapping[str, Any]) ->
     if not isinstance(cell, int | float) or not clouds or any(layer.is_gridded for layer in read):
         return
     for cloud in clouds:
-        _check(cell, settings.get(EXTENT), cloud, WORK + EACH * rasters)
+        _check(cell, settings.get(EXTENT), cloud, WORK + EACH * rasters, side)
 
 
-def _check(cell: float, extent: Any, cloud: Layer, bytes_per_cell: int) -> None:
+def _check(cell: float, extent: Any, cloud: Layer, bytes_per_cell: int, side: float) -> None:
     west, south, east, north = in_plan(cloud.bounds)
     count, area = cloud.size() or 0, (east - west) * (north - south)
     spacing = math.sqrt(area / count) / cloud.metre
@@ -53,7 +59,8 @@ def _check(cell: float, extent: Any, cloud: Layer, bytes_per_cell: int) -> None:
         area = (extent.xmax - extent.xmin) * (extent.ymax - extent.ymin)
     cells = area / (cell * cloud.metre) ** 2
     text = f"cell: {cells:,.0f} cells of {cell:g} m, where points are about {spacing:.2g} m apart,"
-    advice = "; choose larger cells, or work in tiles (tile)"
-    need_memory(cells * bytes_per_cell, text, advice)
+    more = "work in tiles (tile)" if math.isinf(side) else "smaller tiles (tile)"
+    at_a_time = min(cells, (side / cell) ** 2)
+    need_memory(at_a_time * bytes_per_cell, text, f"; choose larger cells, or {more}")
     if cell < spacing / math.sqrt(MANY):
         log.warning("%s are far smaller than the data can fill", text.removesuffix(","))

@@ -38,6 +38,7 @@ from toolbox.declare.fields import Spec
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.models.model import Model, resolved
 from toolbox.reports.page import Told
+from toolbox.runs import cells
 from toolbox.runs.cache import code_of
 from toolbox.runs.delivery import write
 from toolbox.runs.lineage import read_files
@@ -117,6 +118,7 @@ def run(
     if size < (least := max(plan.halo / 20, SMALLEST)):
         raise ParameterError(spec.id, {"tile": f"must be at least {least:g} m here, got {size:g}"})
     log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
+    cells.check(spec, settings, surveys, size + 2 * plan.halo)
     others = {n: items for n, items in sources.items() if n not in surveys}
     job = TileJob(
         Path(),

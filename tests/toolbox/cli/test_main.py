@@ -193,7 +193,7 @@ def test_all_problems_are_reported_at_once(
     assert main(argv) == 2
     error = capsys.readouterr().err
     for text in [
-        "surface.grid: 5 problem(s)",
+        "surface.grid: 5 problems",
         "cell: must be > 0 and <= 10000 m, got -1.0",
         "methd: unknown parameter; did you mean 'method'?",
         "points: there is no file",
@@ -308,7 +308,7 @@ def test_an_output_may_say_how_to_write_it(
     assert main([*argv, "--surface.cog", "perhaps"]) == 2
     assert main([*argv, "--surface.cog", "true"]) == 0
     assert b"LAYOUT=IFDS_BEFORE_DATA" in (tmp_path / "s.tif").read_bytes()[:400]
-    assert capsys.readouterr().err.count("problem(s)") == 1
+    assert capsys.readouterr().err.count(" problem") == 1
 
 
 def test_names_that_stand_twice_in_a_file_are_refused(
@@ -650,3 +650,17 @@ def test_help_has_units_and_the_name_that_was_given(capsys: pytest.CaptureFixtur
         main(["run", "points.filter", "--help"])
     said = " ".join(capsys.readouterr().out.split())
     assert "must be met [heights and all attributes in the units of the data]" in said
+
+
+def test_the_first_command_says_that_it_compiles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    run = ["run", "points.info", "--points", "absent.laz"]
+    main(run)
+    assert "compiling loops, once" in capsys.readouterr().err
+    main([*run, "--json"])
+    assert "compiling loops" not in capsys.readouterr().err
+    (tmp_path / "a.nbi").touch()
+    main(run)
+    assert "compiling loops" not in capsys.readouterr().err

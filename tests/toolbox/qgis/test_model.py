@@ -260,7 +260,7 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
         "filter.returns: must be one of",
         "surfacegrid_1.support: is an expression of QGIS, 'coalesce(@p, true)'",
         "surfacegrid_1.power: is an expression of QGIS, 'coalesce(@d, 1) + (2)'",
-        "9 problem(s)",
+        "9 problems",
     ):
         assert text in error, text
     assert not path.with_suffix(".yaml").exists()

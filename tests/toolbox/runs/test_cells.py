@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pyproj import CRS
@@ -10,8 +11,10 @@ from scenes.layers import cloud, raster
 
 import toolbox
 from algorithms.surface.grid import SurfaceGrid
+from toolbox import execute
 from toolbox.data import PointCloud
 from toolbox.errors import MemoryShort
+from toolbox.tiles.tiling import Tiling
 
 FEET = CRS("EPSG:2994")
 
@@ -72,3 +75,16 @@ def test_lengths_are_told_in_the_unit_of_the_data(
         assert "lengths are" not in caplog.text
     assert set(made.contours.frame["elevation"]) <= {2.0, 4.0, 6.0, 8.0}
     assert len(made.contours)
+
+
+def test_cells_of_tiles_are_told_and_those_of_one_tile_must_fit(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    square().save(tmp_path / "a.laz")
+    run = {"points": [tmp_path / "a.laz"], "method": "max"}
+    how: dict[str, Any] = {"tiling": Tiling(10.0, workers=1), "overwrite": True}
+    out = {"surface": tmp_path / "a.tif"}
+    execute.run("surface.grid", run | {"cell": 0.1} | out, **how)
+    assert "are far smaller than the data can fill" in caplog.text
+    with pytest.raises(MemoryShort, match=r"choose larger cells, or smaller tiles \(tile\)"):
+        execute.run("surface.grid", run | {"cell": 1e-6} | out, **how)

@@ -1,6 +1,7 @@
 // What a report does in a browser: tables that are sorted and unfolded, a map, a view in space.
 // Without this script, or without WebGL, the pictures and all rows are there all the same.
 "use strict";
+  const words = JSON.parse(document.getElementById("words")?.textContent ?? "{}"), word = (text) => words[text] ?? text;
 (() => {
   document.documentElement.classList.add("js");
   const make = (tag, set = {}, ...inside) => {
@@ -29,7 +30,7 @@
   for (const table of document.querySelectorAll("main table")) {
     if (!table.tHead || table.tBodies[0].rows.length < 2) continue;
     [...table.tHead.rows[0].cells].forEach((head, column) => {
-      const button = make("button", { type: "button", title: "Sort by this column" });
+      const button = make("button", { type: "button", title: word("Sort by this column") });
       button.append(...head.childNodes);
       head.append(button);
       button.addEventListener("click", () => sort(table, column, head));
@@ -171,25 +172,25 @@
       return Plotly.relayout(canvas, change);
     };
     const all = () => Plotly.relayout(canvas, { "xaxis.range": [data.x0 + west, data.x0 + east], "yaxis.range": [data.y0 + south, data.y0 + north] });
-    button("+", "Zoom in", () => move(0, 0, 0.5));
-    button("−", "Zoom out", () => move(0, 0, 2));
-    button("Show all", "Show all", all);
+    button("+", word("Zoom in"), () => move(0, 0, 0.5));
+    button("−", word("Zoom out"), () => move(0, 0, 2));
+    button(word("Show all"), word("Show all"), all);
     keys({ ArrowLeft: () => move(-0.2, 0), ArrowRight: () => move(0.2, 0), ArrowUp: () => move(0, 0.2), ArrowDown: () => move(0, -0.2), "+": () => move(0, 0, 0.5), "-": () => move(0, 0, 2), 0: all });
     let key = keyOf(data.bases[0]?.key);
     whole.after(key);
     if (data.bases.length) {
-      const select = make("select", {}, ...data.bases.map((base, place) => make("option", { value: place, textContent: base.name })), make("option", { value: -1, textContent: "nothing" }));
+      const select = make("select", {}, ...data.bases.map((base, place) => make("option", { value: place, textContent: base.name })), make("option", { value: -1, textContent: word("nothing") }));
       select.addEventListener("change", () => {
         const base = data.bases[select.value], next = keyOf(base?.key);
         key.replaceWith(next);
         key = next;
         Plotly.relayout(canvas, { images: image(base) });
       });
-      tools.append(make("label", {}, "Below: ", select));
+      tools.append(make("label", {}, word("Below: "), select));
     }
-    const length = make("div", { className: "over bar" }), pointer = make("div", { className: "over north", textContent: "▲\nN" });
+    const length = make("div", { className: "over bar" }), pointer = make("div", { className: "over north", textContent: `▲\n${word("N")}` });
     pointer.style.whiteSpace = "pre";
-    pointer.setAttribute("aria-label", "North is up");
+    pointer.setAttribute("aria-label", word("North is up"));
     const place = () => { // the scale bar, and where the axes end
       const [x, y] = axes(), size = canvas._fullLayout._size;
       length.style.left = `${size.l + 10}px`;
@@ -302,13 +303,13 @@
       return Plotly.relayout(canvas, { "scene.camera.eye": { x: center.x + flatFar * Math.cos(heading), y: center.y + flatFar * Math.sin(heading), z: center.z + far * Math.sin(height) } });
     };
     const all = () => Plotly.relayout(canvas, { "scene.camera": { eye: first, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 } } });
-    button("+", "Zoom in", () => turn(0, 0, 0.7));
-    button("−", "Zoom out", () => turn(0, 0, 1.4));
-    button("◀", "Turn left", () => turn(-0.3, 0));
-    button("▶", "Turn right", () => turn(0.3, 0));
-    button("▲", "From higher up", () => turn(0, 0.2));
-    button("▼", "From lower down", () => turn(0, -0.2));
-    button("Show all", "Show all", all);
+    button("+", word("Zoom in"), () => turn(0, 0, 0.7));
+    button("−", word("Zoom out"), () => turn(0, 0, 1.4));
+    button("◀", word("Turn left"), () => turn(-0.3, 0));
+    button("▶", word("Turn right"), () => turn(0.3, 0));
+    button("▲", word("From higher up"), () => turn(0, 0.2));
+    button("▼", word("From lower down"), () => turn(0, -0.2));
+    button(word("Show all"), word("Show all"), all);
     keys({ ArrowLeft: () => turn(-0.2, 0), ArrowRight: () => turn(0.2, 0), ArrowUp: () => turn(0, 0.15), ArrowDown: () => turn(0, -0.15), "+": () => turn(0, 0, 0.7), "-": () => turn(0, 0, 1.4), 0: all });
     canvas.on("plotly_click", ({ points: [point] }) => {
       const named = rows[point.curveNumber], row = named && document.getElementById(`${named[0]}-${named[1][point.pointNumber]}`);

@@ -6,11 +6,12 @@ import base64
 import gzip
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from toolbox import language
 from toolbox.data.record import checked
 from toolbox.data.report.blocks import Figure, Plot, Rows
 from toolbox.errors import DataError
@@ -52,11 +53,15 @@ def render(
         loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {"prose": _prose, "json": _json, "anchor": anchor}
+    said = {"said": language.text, "told": language.told, "decimals": language.decimals}
+    environment.filters |= {**said, "cell": _cell, "drawn": _drawn}
     kinds = {"is_rows": _is(Rows), "is_figure": _is(Figure), "is_plot": _is(Plot)}
     plots = [block for part in report.sections for block in part.blocks if isinstance(block, Plot)]
     interactive = bool(plots) and not on_paper
     return environment.get_template("page.html").render(
         report=report,
+        lang=language.chosen(),
+        words={} if language.chosen() == "en" else _words(),
         record=_inside_script(checked(record)) if record else "",
         styles=[_inside_style(text) for text in _styles(style)],
         logo=_logo(logo) if logo else "",
@@ -113,6 +118,26 @@ def _library_version() -> str:
     import plotly.offline
 
     return str(plotly.offline.get_plotlyjs_version())
+
+
+def _words() -> dict[str, str]:
+    """The texts of the script in the language of the user, by the English ones."""
+    return {
+        text: language.text(text) for text in re.findall(r'word\("([^"]+)"\)', _text("page.js"))
+    }
+
+
+def _drawn(data: Mapping[str, Any]) -> dict[str, Any]:
+    """What a plot draws, with the names of images and layers in the language of the user."""
+    made = dict(data)
+    for part in {"bases", "layers"} & data.keys():
+        made[part] = [one | {"name": language.told(one["name"])} for one in data[part]]
+    return made
+
+
+def _cell(text: str) -> str:
+    """The text of a cell: a number, a word of a few that are known, or a name that stays."""
+    return language.decimals(language.text(text))
 
 
 def _prose(text: str) -> Markup:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from toolbox import language
 from toolbox.data.report.blocks import Rows
 from toolbox.data.report.columns import Column
 from toolbox.errors import DataError
@@ -47,14 +48,14 @@ def write_workbook(report: Report, path: Path) -> None:
 
     book = Workbook()
     first = book.active
-    first.title = "Summary"
+    first.title = language.text("Summary")
     for row in _head(report):
-        first.append([_plain(cell) for cell in row])
+        first.append([_plain(language.told(cell)) for cell in row])
     first.column_dimensions["A"].width, first.column_dimensions["B"].width = 24, 100
     for title, rows in _tables(report):
         if len(rows.table) > _MOST_ROWS:
             raise DataError(f"{path}: {title} has {len(rows.table):,} rows; write it as CSV")
-        _fill(book.create_sheet(_name(title, book.sheetnames)), rows)
+        _fill(book.create_sheet(_name(language.told(title), book.sheetnames)), rows)
     _save(book, path)
 
 
@@ -116,7 +117,8 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
 
 
 def _heading(column: Column) -> str:
-    return f"{column.heading} [{column.unit}]" if column.unit else column.heading
+    heading = language.told(column.heading)
+    return f"{heading} [{column.unit}]" if column.unit else heading
 
 
 def _value(value: Any, column: Column) -> Any:
@@ -124,7 +126,7 @@ def _value(value: Any, column: Column) -> Any:
     if pd.isna(value):
         return None
     if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
+        return language.text("yes") if value else language.text("no")
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):

@@ -109,7 +109,8 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         definitions = {made.name(): made for made in self.parameterDefinitions()}
         if unknown := sorted(parameters.keys() - definitions.keys()):
             lines = [f"  {name.lower()}: unknown parameter" for name in unknown]
-            return False, "\n".join([f"{self.tool['id']}: {len(lines)} problem(s)", *lines])
+            many = "problem" if len(lines) == 1 else "problems"
+            return False, "\n".join([f"{self.tool['id']}: {len(lines)} {many}", *lines])
         for name, made in definitions.items():
             value = parameters.get(name)
             if not is_plain(value) and not made.checkValueIsAcceptable(value, context):

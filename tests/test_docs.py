@@ -34,3 +34,13 @@ def test_files_that_a_page_names_are_there(page: Path) -> None:
 def test_links_lead_to_files(page: Path) -> None:
     links = LINKS.findall(page.read_text("utf-8"))
     assert not [link for link in links if not (page.parent / link).exists()]
+
+
+def test_the_readme_quotes_the_figures_that_were_measured() -> None:
+    """Each number of its table stands on the page that `make bench` writes."""
+    readme = (ROOT / "README.md").read_text("utf-8")
+    rows = re.findall(r"(?m)^\| [^|]+ \| ([^|]+) \|$", readme.partition("## How good")[2])
+    numbers = [n for row in rows[:7] for n in re.findall(r"\d+(?:\.\d+)?", row)]
+    page = (ROOT / "docs" / "reference" / "figures.md").read_text("utf-8")
+    assert len(numbers) == 11
+    assert not [n for n in numbers if not re.search(rf"(?<![\d.]){re.escape(n)}(?![\d.]\d)", page)]

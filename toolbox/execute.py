@@ -172,7 +172,7 @@ def _run(
     if reading:
         reading.check_unchanged()
     job = spec.build(settings | layers)
-    asked = {target.output for target in writes.values()} & spec.between.keys()
+    asked = _between(spec, writes)
     counts: list[Count] = []
     runner = Cache().runner(counting(counts)) if resume else counting(counts)
     runner = telling(told, runner)
@@ -192,6 +192,12 @@ def _run(
         )
     shown = {n: value for n, value in found.items() if n in spec.outputs or n in writes}
     return Results.of(spec, shown | done)
+
+
+def _between(spec: Spec, writes: Mapping[str, Target]) -> list[str]:
+    """The results of steps that are written, in the order of the steps."""
+    written = {target.output for target in writes.values()}
+    return [name for name in spec.between if name in written]
 
 
 def _tell_lengths(spec: Spec, given: Mapping[str, Any], layers: Mapping[str, Any]) -> None:

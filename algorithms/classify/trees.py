@@ -109,6 +109,7 @@ class ClassifyTrees:
             "Outline of each crown, with the same attributes",
             label="Tree crowns",
             columns=columns.TREES,
+            listed=False,
         )
         count: int = sink("Number of trees", unit="1")
 

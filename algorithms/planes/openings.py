@@ -144,6 +144,7 @@ class PlanesOpenings:
             "Each front and its openings, in its own coordinates",
             show=show.Classes("kind", apart=True),
             also=(".ifc",),
+            listed=False,
             columns=columns.ELEVATION,
         )
         dropped: Vector = sink("Gaps that are no openings, with the reason")

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -78,11 +80,24 @@ class PointsSurveyQuality:
 
     @outputs
     class Outputs:
-        density: Raster = sink("First returns per square metre")
+        density: Raster = sink("First returns per square metre", label="Density of the survey")
         strips: Raster = sink("Number of strips in each cell; 0 for a void")
         strip_difference: Raster = sink(
             "Highest less lowest mean height of strips on flat ground, where they overlap",
             label="Difference of strips",
+        )
+        by_strip: Table = sink(
+            "First returns, density, spacing and voids of the survey and of each strip",
+            label="Density by strip",
+            columns={
+                "strip": Column("Strip"),
+                "first_returns": Column("First returns"),
+                "area_m2": Column("Area with points", "m²", 0),
+                "per_m2": Column("First returns per square metre", "1/m²", 2),
+                "spacing_m": Column("Spacing of pulses", "m", 2),
+                "thin_share": Column("Cells with less than half of the mean", "%", 1, 100.0),
+                "void_share": Column("Voids", "%", 2, 100.0),
+            },
         )
         pairs: Table = sink(
             "One row per pair of strips: cells, mean, RMS and largest difference",
@@ -161,37 +176,43 @@ class PointsSurveyQuality:
         place = row.astype(np.int64) * lattice.cols + col
         size = lattice.rows * lattice.cols
         ctx.progress(0.3)
-        counts = np.bincount(place[first], minlength=size).reshape(lattice.shape)
-        inside = within_data(np.bincount(place, minlength=size).reshape(lattice.shape) > 0)
-        density = counts / (lattice.cell / metre) ** 2
+        whole = Density.of(place, first, lattice, metre)
         numbers = strips_in(place, strip, size).reshape(lattice.shape)
         ctx.progress(0.6)
         classes = _attribute(cloud, "classification", taken, 0)
         flattest = lattice.cell * FLATTEST
-        means = whole = flat_means(place[single], strip[single], xyz[single, 2], flattest)
+        means = of_all = flat_means(place[single], strip[single], xyz[single, 2], flattest)
         if (classes == GROUND).any():
             bare = single & (classes == GROUND)
             means = flat_means(place[bare], strip[bare], xyz[bare, 2], flattest)
-        warn_of_ground_of_one(means, whole)
+        warn_of_ground_of_one(means, of_all)
         differences, pairs = compared(means, metre)
         ctx.progress(0.9)
         spread_of = np.full(size, np.nan)
         spread_of[differences.index] = differences.to_numpy()
-        full = surrounded(inside)
-        if not full.any():
+        if whole.is_narrow:
             log.warning("no cell of %.3g m is within the data: densities are too low", cell / metre)
-            full = inside
-        mean = float(density[full].mean())
-        if len(np.unique(strip)) < 2:
+        known = np.unique(strip)
+        rows = [{"strip": "all", **whole.told()}]
+        if len(known) > 1:
+            own = (
+                Density.of(place[i], first[i], lattice, metre) for i in (strip == n for n in known)
+            )
+            rows += [{"strip": str(n), **d.told()} for n, d in zip(known, own, strict=True)]
+        if len(known) < 2:
             log.warning("all points have one %s: strips are not told apart", STRIP)
         rms = pairs.attrs["rms"]
         warn_of_strips(rms and rms / metre)
         warn_of_copies(xyz)
         return self.Outputs(
             density=_raster(
-                np.where(inside, density, np.nan), lattice, cloud, "density, 1/m2", "1/m2"
+                np.where(whole.inside, whole.density, np.nan),
+                lattice,
+                cloud,
+                "density, 1/m2",
+                "1/m2",
             ),
-            strips=_raster(np.where(inside, numbers, np.nan), lattice, cloud, "strips", "1"),
+            strips=_raster(np.where(whole.inside, numbers, np.nan), lattice, cloud, "strips", "1"),
             strip_difference=_raster(
                 spread_of.reshape(lattice.shape),
                 lattice,
@@ -200,14 +221,94 @@ class PointsSurveyQuality:
                 vertical_unit(cloud.crs),
             ),
             pairs=Table(pairs),
-            mean_density=mean / metre**2,
-            spacing=metre / math.sqrt(mean) if mean else math.inf,
-            thin_share=float((density[full] < mean / 2).mean()),
-            void_share=float((counts[inside] == 0).mean()),
-            strip_count=len(np.unique(strip)),
-            overlap_share=float((numbers[inside] > 1).mean()),
+            by_strip=Table.from_rows(rows),
+            mean_density=whole.mean / metre**2,
+            spacing=metre * whole.spacing,
+            thin_share=whole.thin_share,
+            void_share=whole.void_share,
+            strip_count=len(known),
+            overlap_share=float((numbers[whole.inside] > 1).mean()),
             strip_rms=rms,
         )
+
+
+@dataclass(frozen=True)
+class Density:
+    """How many pulses lie in each cell of a survey, or of a strip of it.
+
+    Attributes
+    ----------
+    counts : array of shape (rows, cols), first returns in each cell
+    there : array of shape (rows, cols), whether a cell has points
+    inside : array of shape (rows, cols), whether a cell lies within the data
+    area : of a cell, in square metres
+    """
+
+    counts: Ints
+    there: NDArray[np.bool_]
+    inside: NDArray[np.bool_]
+    area: float
+
+    @classmethod
+    def of(cls, place: Ints, first: NDArray[np.bool_], lattice: Lattice, metre: float) -> Density:
+        """Count points by cell.
+
+        Parameters
+        ----------
+        place : array of shape (n,), cell of each point
+        first : array of shape (n,), whether it is a first return
+        metre : length of the metre in the unit of the lattice
+        """
+        size = lattice.rows * lattice.cols
+        counts = np.bincount(place[first], minlength=size).reshape(lattice.shape)
+        there = np.bincount(place, minlength=size).reshape(lattice.shape) > 0
+        return cls(counts, there, within_data(there), (lattice.cell / metre) ** 2)
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether the data covers all cells in part alone."""
+        return not surrounded(self.inside).any()
+
+    @cached_property
+    def density(self) -> Array:
+        """First returns per square metre, array of shape (rows, cols)."""
+        return self.counts / self.area
+
+    @cached_property
+    def full(self) -> Array:
+        """The densities of the cells that the data covers, or of all if there are none."""
+        return self.density[self.inside if self.is_narrow else surrounded(self.inside)]
+
+    @property
+    def mean(self) -> float:
+        """First returns per square metre."""
+        return float(self.full.mean())
+
+    @property
+    def spacing(self) -> float:
+        """Spacing of pulses in metres; infinite without any."""
+        return 1 / math.sqrt(self.mean) if self.mean else math.inf
+
+    @property
+    def thin_share(self) -> float:
+        """Share of cells with less than half of the mean density."""
+        return float((self.full < self.mean / 2).mean())
+
+    @property
+    def void_share(self) -> float:
+        """Share of cells within the data without a first return."""
+        return float((self.counts[self.inside] == 0).mean())
+
+    def told(self) -> dict[str, float]:
+        """A row of the table of densities."""
+        return {
+            "first_returns": int(self.counts.sum()),
+            "area_m2": float(self.there.sum()) * self.area,
+            "per_m2": self.mean,
+            "spacing_m": self.spacing,
+            "thin_share": self.thin_share,
+            "void_share": self.void_share,
+        }
 
 
 def warn_of_strips(rms: float | None) -> None:

@@ -35,6 +35,7 @@ from toolbox.errors import DataError, NothingToDo
 
 Array = NDArray[np.float64]
 MOST_LEVELS = 100_000  # more are taken for a mistake in the step
+FEWEST_LEVELS = 10  # a curve of fewer steps is drawn as a few straight lines
 DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 ROUNDING = 1e-9  # steps
 GROUND = 2  # class
@@ -100,9 +101,9 @@ class ShorelineStorageCurve:
     outline: Vector | None = source(
         "Polygons around the basin, a wall to the water", default=None, label="Outline of the basin"
     )
-    step: float = param(
-        "Height from one level to the next",
-        default=1.0,
+    step: float | None = param(
+        "Height from one level to the next; by default 1 m, or less so that there are ten",
+        default=None,
         unit="m",
         gt=0,
         label="Height between levels",
@@ -213,7 +214,7 @@ class ShorelineStorageCurve:
                 yield f"{share} of the area has no ground, and holds nothing in these figures."
             if self.opens is not None and self.opens < self.curve.frame["level_m"].iloc[-1]:
                 yield (
-                    f"Above {self.opens:.2f} m the water reaches the edge of the data: what lies "
+                    f"Above {self.opens:.3f} m the water reaches the edge of the data: what lies "
                     "beyond was not seen, and is not in the figures."
                 )
             if self.spill is not None and self.spill < self.curve.frame["level_m"].iloc[-1]:
@@ -264,7 +265,7 @@ class ShorelineStorageCurve:
         opens, spill = basin.opens(), basin.spill.level if basin.spill else math.inf
         if self.lake is not None and self.highest is None:
             highest = last_level(basin.lowest, spill, opens, highest)
-        levels = self._levels(basin.lowest, highest)
+        levels = self._levels(basin.lowest, highest, ground.metre)
         area, volume, everything = storage(basin.pieces(), levels, ctx=ctx.part(0.8, 0.9))
         made = table(levels, area, volume, everything, opens, ground)
         if self.height_error:
@@ -284,16 +285,18 @@ class ShorelineStorageCurve:
             missing_share=basin.missing,
         )
 
-    def _levels(self, lowest: float, highest: float) -> Array:
+    def _levels(self, lowest: float, highest: float, metre: float) -> Array:
         """The levels; those of a lake begin at its level, and go on in whole steps."""
-        first = self._first(lowest, highest)
+        start = lowest if self.lowest is None else max(lowest, self.lowest)
+        step = self.step or usual_step(highest - start, metre)
+        first = self._first(lowest, highest, step)
         if self.lake is None:
-            return levels_between(first, highest, self.step)
+            return levels_between(first, highest, step)
         first = max(first, lowest)  # a level given in more digits than the raster has
-        further = whole(first + self.step / 100, self.step)
+        further = whole(first + step / 100, step)
         if further < highest:
-            return np.append(first, levels_between(further, highest, self.step))
-        return levels_between(first, highest, self.step)
+            return np.append(first, levels_between(further, highest, step))
+        return levels_between(first, highest, step)
 
     def _basin(self, ctx: Context) -> PointBasin | RasterBasin:
         """The ground within the outline."""
@@ -343,17 +346,35 @@ class ShorelineStorageCurve:
             x, y = place
             raise DataError(f"{name}: {x:.12g}, {y:.12g} {err}") from err
 
-    def _first(self, ground: float, highest: float) -> float:
+    def _first(self, ground: float, highest: float, step: float) -> float:
         """The first level, checked against the ground and the last level."""
         first = self.lowest
         if first is None:
-            first = math.floor(ground / self.step + ROUNDING) * self.step
+            first = math.floor(ground / step + ROUNDING) * step
         if highest < ground:
             what = "lowest ground" if self.lake is None else "level of the lake in the survey"
             raise DataError(f"highest: {highest:.9g} is below the {what}, {ground:.9g}")
         if highest < first:
             raise DataError(f"lowest: {first:.9g} is above the highest ground, {highest:.9g}")
         return first
+
+
+def usual_step(height: float, metre: float) -> float:
+    """One, two or five times a power of ten: at most a metre, so that a curve has ten steps.
+
+    Parameters
+    ----------
+    height : from the first level to the last
+    metre : length of a metre in the unit of the heights
+
+    Examples
+    --------
+    >>> usual_step(42.0, 1.0), usual_step(0.72, 1.0), usual_step(42.0, 1 / 0.3048)
+    (1.0, 0.05, 2.0)
+    """
+    most = metre if height <= 0 else min(metre, height / FEWEST_LEVELS)
+    tens = 10.0 ** math.floor(math.log10(most))
+    return float(f"{tens * max(n for n in (1, 2, 5) if n * tens <= most * (1 + ROUNDING)):.1g}")
 
 
 def whole(level: float, step: float) -> float:

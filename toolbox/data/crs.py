@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 from pyproj import CRS
@@ -404,7 +404,13 @@ def describe_crs(crs: CRS | None) -> str:
     if is_local(crs):
         return crs.name.lower()
     code = _code(crs)
-    return f"{code} {crs.name}" if code else crs.name
+    return f"{code} {_usual_name(code)}" if code else crs.name
+
+
+@cache
+def _usual_name(code: str) -> str:
+    """The name of a code in the registry; files have others, such as those of ESRI."""
+    return parse_crs(code).name
 
 
 def height_system(crs: CRS) -> str:

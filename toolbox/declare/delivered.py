@@ -21,12 +21,14 @@ class Delivered:
     output : the result that it holds: an output, step.output, or "page" for the report
     help : what it holds, for its line in the README
     options : of writing, as on the command line
+    in_report : whether the report of the set shows the result, too, where it is no output
     """
 
     file: str
     output: str
     help: str
     options: Mapping[str, Any] = field(default_factory=dict)
+    in_report: bool = False
 
     @property
     def key(self) -> str:

@@ -52,6 +52,7 @@ class Field:
     offers : texts that dialogs offer, besides which others are valid
     words : what a choice is called, where its own words do not say enough
     columns : how the columns of an output are shown in a report, by name
+    listed : whether a report lists the features of an output, which no other table has
     also : formats for layers of a certain content that an output is written in, too
     """
 
@@ -72,6 +73,7 @@ class Field:
     offers: tuple[str, ...] = ()
     words: Mapping[Any, str] = dataclasses.field(default_factory=dict)
     columns: Mapping[str, Column] = dataclasses.field(default_factory=dict)
+    listed: bool = True
     also: tuple[str, ...] = ()
 
     @property

@@ -108,6 +108,7 @@ def sink(
     label: str = "",
     columns: Mapping[str, Column] = MappingProxyType({}),
     also: tuple[str, ...] = (),
+    listed: bool = True,
 ) -> Any:
     """Declare a layer, number or text that the tool returns.
 
@@ -119,6 +120,8 @@ def sink(
     columns : heading, unit and digits of the columns of a table or of features, in reports; those
         of other names are shown by their names
     also : formats for layers of a certain content, such as ".ifc", that this one has or may have
+    listed : False for features that the table of another output has, too: reports list them on
+        paper once, and in a browser where they are asked for
 
     Examples
     --------
@@ -126,7 +129,7 @@ def sink(
     """
     shows = show if isinstance(show, tuple) else (show,)
     meta = {"role": "sink", "help": help, "unit": unit, "show": shows, "label": label}
-    return dataclasses.field(metadata=meta | {"columns": columns, "also": also})
+    return dataclasses.field(metadata=meta | {"columns": columns, "also": also, "listed": listed})
 
 
 @dataclass_transform(

@@ -13,15 +13,16 @@ from pyproj import CRS
 
 from toolbox.data import Lattice, PointCloud, Raster, Rows, Section, Table
 from toolbox.data.asprs import CLASSES
-from toolbox.data.crs import describe_crs, height_system
-from toolbox.data.report import Column
+from toolbox.data.crs import describe_crs, height_system, length_problem, short_unit
+from toolbox.data.report import Column, unit_text
 from toolbox.declare.fields import Spec
 from toolbox.pictures.images import LENGTHS
 from toolbox.reports import words
 
 _SHARE = {"Share": Column("Share", "%", 1, 100.0)}
 _OF_RASTERS = {
-    "Cell": Column("Cell", "", 2),
+    "Rows": Column("Rows", detail=True),
+    "Columns": Column("Columns", detail=True),
     "Lowest": Column("Lowest", "", 2),
     "Highest": Column("Highest", "", 2),
     "Empty": Column("Empty cells", "%", 1, 100.0),
@@ -45,6 +46,12 @@ class Cells:
     lowest: float | None
     highest: float | None
     empty: float
+
+    @property
+    def length(self) -> str:
+        """The unit of the width of cells; "" if it is not known."""
+        crs = self.crs
+        return "" if crs is None or length_problem(crs) else short_unit(crs)
 
     @classmethod
     def of(cls, raster: Raster) -> Cells:
@@ -77,6 +84,31 @@ class Cells:
         )
 
 
+def in_words(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) -> str:
+    """The heights of the rasters that are written, in a sentence; "" without any.
+
+    Of a run in tiles no more is known. The width of cells is told once where all have the same.
+    """
+    known = {
+        name: one
+        for name, one in cells.items()
+        if name in files
+        and name in spec.outputs
+        and one.unit in LENGTHS.values()
+        and one.lowest is not None
+    }
+    if not known:
+        return ""
+    sizes = {f"{one.cell:.4g} {one.length}".rstrip() for one in known.values()}
+    ranges = (
+        f"{words.titled(spec.outputs[name])} {one.lowest:.2f} to {one.highest:.2f} "
+        f"{unit_text(one.unit)}".rstrip()
+        + f", {100 * one.empty:.1f} % of its cells empty"
+        for name, one in known.items()
+    )
+    return f"Rasters with cells of {' and '.join(sorted(sizes))}: {'; '.join(ranges)}."
+
+
 def rasters(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) -> list[Section]:
     """Section with a row for each raster, by the name of its result.
 
@@ -99,18 +131,19 @@ def rasters(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) ->
         }
         for name, one in cells.items()
     ]
-    crs = next((one.crs for one in cells.values()), None)
-    if not rows:
+    first = next(iter(cells.values()), None)
+    if first is None:
         return []
+    crs, columns = first.crs, {**_OF_RASTERS, "Cell": Column("Cell", first.length, 2)}
     caption = "" if crs is None else f"{describe_crs(crs)}; heights: {height_system(crs)}"
-    return [Section("Rasters", [Rows(Table.from_rows(rows), caption, columns=_OF_RASTERS)])]
+    return [Section("Rasters", [Rows(Table.from_rows(rows), caption, columns=columns)])]
 
 
 def classes(spec: Spec, after: Mapping[str, Counter[int]], before: Counter[int]) -> list[Section]:
     """Section with the points of each class, before and after a run that classified them."""
     rows = [
         {
-            "Points": words.titled(spec.results[name]),
+            **({"Points": words.titled(spec.results[name])} if len(after) > 1 else {}),
             "Class": code,
             "Name": CLASSES.get(code, ""),
             **({"Before": before.get(code, 0)} if before else {}),

@@ -33,7 +33,7 @@ from toolbox.reports import words
 from toolbox.reports.map_picture import map_png
 
 DRAWING = "Drawing: "  # before the name of a layer that has a map of its own
-_MOST_BASES, _QUALITY = 6, 82  # images that can lie below, and of these in WebP
+_MOST_BASES, _QUALITY = 8, 82  # images that can lie below, and of these in WebP
 _MOST_FEATURES, _MOST_CORNERS = 3000, 60_000  # of a layer, and of all layers together
 _CROWDED = 500  # points of a layer, such as corners of outlines, that would hide all others
 _FINEST = 20_000  # steps of coordinates in the width of the map
@@ -56,22 +56,23 @@ def maps_of(
     their own.
     """
     shown = drawable(found, spec.results)
-    bases = list(_bases(shown, given))
+    titles = {name: words.titled(field) for name, field in {**spec.sources, **spec.results}.items()}
+    bases = list(_bases(shown, given, titles))
     waiting: dict[str, Shown] = {
         n: (v, ()) for n, v in given.items() if isinstance(v, Vector) and len(v)
     }
     waiting |= {n: pair for n, pair in shown.items() if isinstance(pair[0], Vector)}
     if bases:
         together = _together(bases[0][1].bounds, bases[0][2], waiting)
-        yield "Map", _map(bases, together)
+        yield "Map", _map(bases, together, titles)
         waiting = {n: pair for n, pair in waiting.items() if n not in together}
     while waiting:
         name, (layer, _) = next(iter(waiting.items()))
         together = {name: waiting[name]} | _together(layer.bounds, layer, waiting)
         waiting = {n: pair for n, pair in waiting.items() if n not in together}
         if np.isfinite(layer.bounds).all():
-            title = f"{DRAWING}{words.title_of(name).lower()}" if bases else "Map"
-            yield title, _map([], together)
+            title = f"{DRAWING}{titles[name].lower()}" if bases else "Map"
+            yield title, _map([], together, titles)
 
 
 def _together(extent: Bounds, first: Layer, layers: Mapping[str, Shown]) -> dict[str, Shown]:
@@ -85,14 +86,14 @@ def _together(extent: Bounds, first: Layer, layers: Mapping[str, Shown]) -> dict
     }
 
 
-def _map(bases: Sequence[Base], layers: Mapping[str, Shown]) -> Plot:
+def _map(bases: Sequence[Base], layers: Mapping[str, Shown], titles: Mapping[str, str]) -> Plot:
     first = bases[0][2] if bases else next(iter(layers.values()))[0]
     crs = first.crs
     x0, y0, x1, y1 = (float(v) for v in (bases[0][1].bounds if bases else first.bounds))
     west, south, east, north = _with_margin((x0, y0, x1, y1))
     origin = math.floor(west), math.floor(south)
     step = max(east - west, north - south) / _FINEST
-    overlays, left_out = _overlays(layers, origin, step)
+    overlays, left_out = _overlays(layers, titles, origin, step)
     unit = LENGTHS.get(vertical_unit(crs), "") if crs is not None else ""
     names = ("x", "y") if crs is None or is_local(crs) else ("Easting", "Northing")
     data = {
@@ -106,7 +107,8 @@ def _map(bases: Sequence[Base], layers: Mapping[str, Shown]) -> Plot:
         "layers": overlays,
     }
     picture = Figure(
-        map_png(data, bases[0][1] if bases else None), _caption(bases, layers, left_out)
+        map_png(data, bases[0][1] if bases else None),
+        _caption(bases, [titles[n] for n in layers], left_out),
     )
     return Plot("map", data, picture, functools.partial(_others, data, bases))
 
@@ -119,25 +121,25 @@ def _others(data: Mapping[str, Any], bases: Sequence[Base]) -> Iterator[Figure]:
             yield Figure(map_png(alone, image), name)
 
 
-def _bases(shown: Mapping[str, Shown], given: Mapping[str, Any]) -> Iterator[Base]:
+def _bases(
+    shown: Mapping[str, Shown], given: Mapping[str, Any], titles: Mapping[str, str]
+) -> Iterator[Base]:
     """The images of rasters and points, of the results first, at most so many."""
     made: list[Base] = []
     for name, (layer, shows) in shown.items():
         if isinstance(layer, Raster):
-            made.append((words.title_of(name), raster_image(layer), layer, ()))
+            made.append((titles[name], raster_image(layer), layer, ()))
         elif isinstance(layer, PointCloud):
             image = cloud_image(layer, shows[0] if shows else None)
             if image.above and _covers(layer, given):
-                made.append((words.title_of(name), image, layer, shows))
+                made.append((titles[name], image, layer, shows))
     for name, layer in given.items():
         if isinstance(layer, Raster):
-            made.append((f"{words.title_of(name)} (input)", raster_image(layer), layer, ()))
+            made.append((f"{titles[name]} (input)", raster_image(layer), layer, ()))
         if isinstance(layer, PointCloud) and len(layer):
             if brightness := intensity_image(layer):
-                made.append(
-                    (f"{words.title_of(name)} (input): intensity", brightness, layer, _BRIGHT)
-                )
-            made.append((f"{words.title_of(name)} (input)", cloud_image(layer), layer, ()))
+                made.append((f"{titles[name]} (input): intensity", brightness, layer, _BRIGHT))
+            made.append((f"{titles[name]} (input)", cloud_image(layer), layer, ()))
     yield from made[:_MOST_BASES]
 
 
@@ -172,7 +174,7 @@ def _webp(rgba: Any) -> str:
 
 
 def _overlays(
-    layers: Mapping[str, Shown], origin: tuple[int, int], step: float
+    layers: Mapping[str, Shown], titles: Mapping[str, str], origin: tuple[int, int], step: float
 ) -> tuple[list[dict[str, Any]], int]:
     """The layers as JSON values, and the number of features for which there is no room."""
     corners = sum(
@@ -192,13 +194,13 @@ def _overlays(
                 "shape": shape,
                 "features": features,
             }
-            for text, colour, own in _classes(layer, show, words.title_of(name))
+            for text, colour, own in _classes(layer, show, titles[name])
             for shape, features in _features(layer, own[own < kept], origin, step, coarse).items()
         ]
         if groups:
             table = words.anchor_of(name)
             hidden = kept > _CROWDED and {g["shape"] for g in groups} == {"point"}
-            title = words.title_of(name)
+            title = titles[name]
             made.append({"name": title, "table": table, "groups": groups, "hidden": hidden})
     return made, left_out
 
@@ -264,10 +266,9 @@ def _relative(bounds: Bounds, origin: tuple[int, int]) -> list[float]:
     return [round(value - origin[k % 2], 4) for k, value in enumerate(bounds)]
 
 
-def _caption(bases: Sequence[Any], layers: Mapping[str, Any], left_out: int) -> str:
-    names = [words.title_of(name) for name in layers]
+def _caption(bases: Sequence[Any], names: Sequence[str], left_out: int) -> str:
     below = [name for name, _, _, _ in bases[:1]]
-    text = f"Map: {', '.join([*names, *below])}"
+    text = f"{'Map' if bases else 'Drawing'}: {', '.join([*names, *below])}"
     return text + (
         f"; {left_out} features have no room on it, and are in the files" * bool(left_out)
     )

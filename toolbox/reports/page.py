@@ -103,10 +103,13 @@ def said(
     """
     reports = [value for value in found.values() if isinstance(value, Report)]
     summaries = [report.summary for report in reports if report.summary]
-    summary = "\n".join(summaries or told.words) or words.generic(spec, found)
+    rasters = counted.in_words(spec, _cells(found, told), told.files) if spec.between else ""
+    summary = "\n".join(filter(None, summaries or [rasters, *told.words])) or words.generic(
+        spec, found
+    )
     unseen = [*told.unseen, *(text for report in reports for text in report.head.unseen)]
     facts = facts_of(spec, found, record, told.given)
-    return summary, Head(facts, _once(told.warnings), _once(unseen))
+    return summary, _head(facts, told.warnings, unseen)
 
 
 def framed(report: Report, spec: Spec, record: Record | None, told: Told | None) -> Report:
@@ -115,7 +118,7 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
     It is the same whether the run was in tiles or not, as it shows none of the other results.
     """
     facts = facts_of(spec, {}, record, {})
-    head = Head(facts, _once(told.warnings if told else ()), report.head.unseen)
+    head = _head(facts, told.warnings if told else (), report.head.unseen)
     sections = [*report.sections, *_settings(spec, record), *_made(spec, record)]
     return Report(report.title, sections, summary=report.summary, head=head, name=report.name)
 
@@ -130,6 +133,14 @@ def in_order(plots: Sequence[Section]) -> list[Section]:
         if sides[1] > STRIP * sides[0]:
             return [*plots[1:], plots[0]]
     return list(plots)
+
+
+def _head(facts: Sequence[tuple[str, str]], warnings: Sequence[str], unseen: Sequence[str]) -> Head:
+    """The head of a report; what a warning says is not said once more of what was not looked at."""
+    warned = _once(warnings)
+    begun = tuple(text.rstrip(".").casefold() for text in warned)
+    others = [text for text in _once(unseen) if not text.casefold().startswith(begun)]
+    return Head(facts, warned, others)
 
 
 def _once(texts: Sequence[str]) -> tuple[str, ...]:
@@ -159,14 +170,19 @@ def _layers(spec: Spec, found: Mapping[str, Any]) -> dict[str, Layer]:
 
 def _counted(spec: Spec, layers: Mapping[str, Layer], told: Told) -> list[Section]:
     """The sections with figures of rasters, and of points by class, in memory or in tiles."""
-    held = {n: counted.Cells.of(x) for n, x in layers.items() if isinstance(x, Raster)}
-    cells = {**held, **told.cells}
+    cells = _cells(layers, told)
     clouds = [*layers.items(), *told.given.items()]
     points = {n: counts for n, x in clouds if (counts := counted.by_class(x))} | {**told.by_class}
     after = {n: points[n] for n in spec.results if n in points}
     before = next((points[n] for n in spec.sources if n in points), Counter[int]())
     rasters = counted.rasters(spec, {n: cells[n] for n in spec.results if n in cells}, told.files)
     return [*rasters, *counted.classes(spec, after, before)]
+
+
+def _cells(layers: Mapping[str, Any], told: Told) -> dict[str, Cells]:
+    """The figures of rasters, in memory or of tiles."""
+    held = {n: Cells.of(x) for n, x in layers.items() if isinstance(x, Raster)}
+    return {**held, **told.cells}
 
 
 def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
@@ -180,7 +196,8 @@ def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
             else block
             for block in section.blocks
         ]
-        yield Section(section.title, blocks, section.folded)
+        folded = section.folded or not declared.listed
+        yield Section(section.title, blocks, folded, None if declared.listed else ())
 
 
 def _pictures(found: Mapping[str, Any], spec: Spec) -> list[Section]:

@@ -353,8 +353,9 @@ def names_of(targets: Iterable[Target]) -> dict[str, str]:
 
 
 def _is_seen(name: str, spec: Spec, targets: Mapping[str, Target]) -> bool:
-    """Whether a report shows a result: not what is made only to be handed over."""
-    return name in spec.outputs or name in targets
+    """Whether a report shows a result: of what is made only to be handed over what asks for it."""
+    asks = any(one.output == name and one.in_report for one in spec.deliver)
+    return asks or name in spec.outputs or name in targets
 
 
 @dataclass(frozen=True)

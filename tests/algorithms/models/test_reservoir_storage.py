@@ -55,7 +55,9 @@ def test_the_curve_holds_what_lies_behind_the_dam_and_ends_at_its_crest() -> Non
         for row in frame.iloc[1:].itertuples():
             true = behind_the_dam(made.terrain, ponds, found["level"], row.level_m, size)
             assert row.volume_low_m3 < true < row.volume_high_m3
-            assert row.volume_m3 == pytest.approx(true, rel=0.01)
+            # A level of a few decimetres holds little, of which the shore in cells is a large part.
+            near = row.level_m - found["level"] < 0.5
+            assert row.volume_m3 == pytest.approx(true, rel=0.02 if near else 0.01)
 
 
 @pytest.mark.slow

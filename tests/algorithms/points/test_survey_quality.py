@@ -73,6 +73,33 @@ def test_strips_overlap_and_differ() -> None:
     assert np.nanmax(found.strip_difference.band()) == pytest.approx(0.05, abs=1e-6)
 
 
+def test_density_is_told_of_the_survey_and_of_each_strip() -> None:
+    found = quality(strip(7, 0, 24), strip(9, 16, 40), cell=2.0)
+    rows = {row["strip"]: row for row in found.by_strip.rows()}
+    assert list(rows) == ["all", "7", "9"]
+    assert rows["7"]["per_m2"] == pytest.approx(4.0)
+    assert rows["9"]["area_m2"] == 24 * 40
+    assert rows["all"]["per_m2"] == pytest.approx(found.mean_density)
+    assert rows["all"]["first_returns"] == rows["7"]["first_returns"] + rows["9"]["first_returns"]
+
+
+def test_voids_of_a_strip_are_its_own() -> None:
+    """What another strip has filled is no void of the survey."""
+    first = strip(7, 0, 24)
+    x, y = first.xyz[:, 0], first.xyz[:, 1]
+    holed = first.select(~((x > 18) & (x < 22) & (y > 10) & (y < 14)))
+    rows = {row["strip"]: row for row in quality(holed, strip(9, 16, 40), cell=2.0).by_strip.rows()}
+    assert rows["7"]["void_share"] == pytest.approx(4 / 240)
+    assert rows["9"]["void_share"] == rows["all"]["void_share"] == 0.0
+
+
+def test_the_table_has_square_metres_of_data_in_feet() -> None:
+    feet = strip(7, 0, 24).with_xyz(strip(7, 0, 24).xyz / 0.3048).with_crs(CRS(2994))
+    (row,) = quality(feet, cell=2.0).by_strip.rows()
+    assert row["per_m2"] == pytest.approx(4.0, rel=1e-3)
+    assert row["spacing_m"] == pytest.approx(0.5, rel=1e-3)
+
+
 def test_rough_cells_are_not_compared() -> None:
     one, other = strip(1, 0, 24), strip(2, 16, 40)
     rough = other.with_xyz(other.xyz + [0, 0, 1] * (np.arange(len(other)) % 2)[:, None])

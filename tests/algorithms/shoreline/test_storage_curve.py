@@ -161,7 +161,7 @@ def test_water_at_the_edge_is_told(caplog: pytest.LogCaptureFixture) -> None:
     ground = two_valleys()
     ground[-1, 2] = 3.0  # a way out
     with caplog.at_level(logging.WARNING):
-        out = ShorelineStorageCurve(terrain=raster(ground)).run()
+        out = ShorelineStorageCurve(terrain=raster(ground), step=1.0).run()
     assert out.opens == 3
     frame = out.curve.frame
     assert frame["level"][frame["open"]].min() == 4
@@ -268,8 +268,15 @@ def test_levels() -> None:
     ]
     assert curve(terrain=raster(np.full((3, 3), 5.0)))["area_m2"].tolist() == [0.0]
     assert curve(terrain=ground, lowest=3.0, step=1e300)["level"].tolist() == [3.0, 9.0]
-    flat = curve(terrain=raster(np.full((3, 3), 5.0)), highest=7.0)
+    flat = curve(terrain=raster(np.full((3, 3), 5.0)), highest=7.0, step=1.0)
     assert flat["volume_m3"].tolist() == [0, 4, 8]
+
+
+def test_a_small_rise_has_ten_levels_too() -> None:
+    """A lake that runs over after 72 cm had a curve of two levels, one straight line."""
+    ground = raster([[3.0, 3.72], [3.72, 3.72]])
+    assert np.diff(curve(terrain=ground)["level"]).max() == pytest.approx(0.05)
+    assert np.diff(curve(terrain=raster([[3.0, 63.0], [63.0, 63.0]]))["level"]).max() == 1.0
 
 
 @pytest.mark.parametrize(
@@ -432,11 +439,11 @@ def test_an_edge_that_the_lake_touches_hides_no_spill() -> None:
     z[0:15, 5:15] = 10.0  # up to the edge of the data
     z[15:18, 9:11] = 11.5
     z[18:30, 5:15] = 5.0
-    found = risen(z, 10.0, (0, 15, 5, 15))
+    found = risen(z, 10.0, (0, 15, 5, 15), step=1.0)
     assert (found.opens, found.spill) == (10.0, 11.5)
     assert found.curve.frame["level"].iloc[-1] == 11.5
     assert found.curve.frame["open"].tolist() == [False, True, True]
-    assert any("Above 10.00 m the water reaches" in text for text in found.not_looked_at())
+    assert any("Above 10.000 m the water reaches" in text for text in found.not_looked_at())
 
 
 @pytest.mark.parametrize(("behind", "spill"), [(8.0, True), (10.5, False)])
@@ -510,7 +517,8 @@ def pond(radius: float, slope: float, cell: float) -> tuple[Raster, Vector]:
 @pytest.mark.parametrize("cell", [0.5, 1.0, 3.0])
 def test_at_its_level_a_lake_has_the_area_of_its_polygon(cell: float) -> None:
     terrain, lake = pond(30.0, 0.2, cell)
-    frame = ShorelineStorageCurve(terrain=terrain, lake=lake, highest=14.0).run().curve.frame
+    made = ShorelineStorageCurve(terrain=terrain, lake=lake, highest=14.0, step=1.0).run()
+    frame = made.curve.frame
     assert frame["area_m2"].iloc[0] == pytest.approx(lake.frame.area.iloc[0], rel=1e-9)
     assert frame["volume_m3"].iloc[0] == pytest.approx(0.0, abs=1e-6)
     wide = 30 + (frame["level_m"].to_numpy() - 10) / 0.2

@@ -12,7 +12,7 @@ import pytest
 
 from toolbox.data import Figure, Report, Rows, Section, Table
 from toolbox.data.record import MEMBER, read_record
-from toolbox.data.report import Column
+from toolbox.data.report import Column, Head
 from toolbox.data.report.render import render
 from toolbox.errors import DataError
 
@@ -37,11 +37,11 @@ def body(made: Report) -> ET.Element:
 def test_texts_and_tables_stand_on_the_page_as_they_are() -> None:
     tree = body(report("One\ntwo <three>", Rows(TABLE, "A table")))
     assert [e.text for e in tree.iter("h1")] == ["Title <1>"]
-    assert [e.text for e in tree.iter("p")] == ["Said before.", "One\ntwo <three>"]
+    assert [e.text for e in tree.iter("p")] == ["Said before.", "One\ntwo <three>", "A table"]
     assert [e.text for e in tree.iter("th")] == ["Name", "x", "N"]
     assert [e.text or "" for e in tree.iter("td")] == ["<b>a&b</b>", "0.33", "4", "", "", ""]
     assert [e.get("class") for e in tree.iter("td")][:3] == ["short", "number", "number"]
-    assert [e.text for e in tree.iter("caption")] == ["A table"]
+    assert [e.get("class") for e in tree.iter("p")][2:] == ["caption"]
 
 
 def test_names_stand_out_and_markup_stays_text() -> None:
@@ -53,7 +53,17 @@ def test_names_stand_out_and_markup_stays_text() -> None:
 def test_rows_that_are_left_out_are_told() -> None:
     tree = body(report(Rows(Table.from_rows({"n": n} for n in range(7)), "Seven", most=2)))
     assert [e.text for e in tree.iter("td")] == ["0", "1"]
-    assert [e.text for e in tree.iter("caption")] == ["Seven (the first 2 of 7 rows)"]
+    captions = [e.text for e in tree.iter("p") if e.get("class") == "caption"]
+    assert captions == ["Seven (the first 2 of 7 rows)"]
+
+
+def test_an_empty_cell_of_a_printed_list_moves_no_heading() -> None:
+    """A list of facts has a heading for each cell that says something, and none for others."""
+    table = Table.from_rows([{**{f"n{k}": k for k in range(10)}, "n3": "", "n4": "four"}])
+    printed = render(report(Rows(table)), on_paper=True)
+    pairs = dict(re.findall(r"<dt>(.*?)</dt><dd>(.*?) </dd>", printed))
+    assert pairs["N4"] == "four"
+    assert "N3" not in pairs
 
 
 def test_a_picture_is_in_the_page() -> None:
@@ -188,3 +198,10 @@ def test_a_level_in_metres_is_shown_once() -> None:
         one = {"level": level, "unit": "metre", "level_m": 2.5, "area_m2": 10.0}
         rows = Rows(Table.from_rows([one]))
         assert [str(n) for n in rows.shown] == [*names, "area_m2"]
+
+
+def test_warnings_are_sentences_that_begin_large() -> None:
+    made = Report("A", [], head=Head(warnings=["all points are alike", "a.laz: 2 points"]))
+    page = made.html()
+    assert "<li>All points are alike</li>" in page
+    assert "<li>a.laz: 2 points</li>" in page

@@ -74,7 +74,7 @@ def test_points_of_each_class_are_counted_before_and_after() -> None:
     report = page(spec, {"classified": after}, None, Told(given={"points": before}))
     (rows,) = next(part.blocks for part in report.sections if part.title == "Points by class")
     assert isinstance(rows, Rows)
-    assert [row[1:] for row in rows.cells] == [
+    assert rows.cells == [
         ["1", "Unclassified", "3", "1", "25.0"],
         ["2", "Ground", "0", "3", "75.0"],
         ["6", "Building", "1", "0", "0.0"],
@@ -167,10 +167,11 @@ def test_a_report_of_tiles_shows_points_and_rasters_and_says_what_the_whole_says
     tiled = shown("tiled", "40", **out)
     other = {name: path.with_stem(f"{path.stem}2") for name, path in out.items()}
     text = shown("other", "60", **other)
-    whole = shown("whole", None)
+    whole = shown("whole", None, **{n: path.with_stem(f"{path.stem}4") for n, path in out.items()})
     assert "2 points were taken for noise: 1 low, 1 high." in whole
     for page_text in (tiled, text, whole):
         assert "<dt>Date of the survey</dt><dd>2021-05-29</dd>" in page_text
+    assert "Rasters with cells of 1 m: Terrain (DTM) 49.94 to 50.07 m, 0.4 % of its" in whole
     assert "tile by tile" not in tiled
     said = [html.partition('id="summary"')[2].partition("</section>")[0] for html in (tiled, whole)]
     assert said[0] == said[1]
@@ -194,7 +195,7 @@ def test_a_report_of_tiles_shows_points_and_rasters_and_says_what_the_whole_says
     assert numbers[0] == numbers[1] != []
     dtm = [re.findall(r">Terrain \(DTM\)</td>.*?</tr>", text, re.S)[0] for text in tables[0]]
     one_row, all_rows = (re.findall(r'class="number">([^<]*)<', text) for text in dtm)
-    assert one_row == all_rows != []
+    assert one_row[-3:] == all_rows[-3:] == ["49.94", "50.07", "0.4"], "lowest, highest, empty"
     alone = shown("alone", "40", dtm=tmp_path / "dtm3.tif")
     assert seen["alone"][0].thinned.keys() == {"points", "dtm"}
     assert alone.count('data-kind="space"') == 1
@@ -210,3 +211,15 @@ def test_a_map_that_is_a_strip_stands_after_the_drawings() -> None:
     assert in_order([wide, *others]) == [wide, *others]
     assert in_order([strip, others[0]]) == [strip, others[0]]
     assert in_order([]) == []
+
+
+def test_what_a_warning_says_is_not_said_again_of_what_was_not_looked_at() -> None:
+    told = Told(
+        warnings=["1.1 % of the area has no ground, and holds nothing"],
+        unseen=[
+            "1.1 % of the area has no ground, and holds nothing in these figures.",
+            "Whether a void is water was not looked at.",
+        ],
+    )
+    report = page(catalog.load("surface.grid"), {}, None, told)
+    assert list(report.head.unseen) == ["Whether a void is water was not looked at."]

@@ -366,3 +366,22 @@ def test_the_readme_says_how_many_points_were_taken_out(points: Path, tmp_path: 
     told = f"Points low [{kept:,}]; {1600 - kept:,} of the points that were read are not in it"
     assert told in said
     assert "Points every [1,600]\n" in said
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_what_asks_for_it_is_in_the_report_of_the_set(
+    asked: bool, model: str, points: Path, tmp_path: Path
+) -> None:
+    line = "layer: contours, help: Lines}"
+    text = MODEL.replace(line, f"in_report: {str(asked).lower()}, {line}")
+    assert text != MODEL
+    Path(model).write_text(text)
+    toolbox.run(model, {"points": points, "deliver": tmp_path / "out"})
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert ("<h2>Lines: contours</h2>" in report) == asked
+
+
+def test_whether_it_is_in_the_report_is_true_or_false(model: str) -> None:
+    Path(model).write_text(MODEL.replace("help: Lines}", "help: Lines, in_report: once}"))
+    with pytest.raises(ParameterError, match="in_report must be true or false, got 'once'"):
+        catalog.load(model)

@@ -53,6 +53,7 @@ def render(
         loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {"prose": _prose, "json": _json, "anchor": anchor}
+    environment.filters["sentence"] = sentence
     said = {"said": language.text, "told": language.told, "decimals": language.decimals}
     environment.filters |= {**said, "cell": _cell, "drawn": _drawn}
     kinds = {"is_rows": _is(Rows), "is_figure": _is(Figure), "is_plot": _is(Plot)}
@@ -71,6 +72,18 @@ def render(
         on_paper=on_paper,
         **kinds,
     )
+
+
+def sentence(text: str) -> str:
+    """A text that begins with a large letter, unless its first word is a name in a file.
+
+    Examples
+    --------
+    >>> sentence("all points are alike"), sentence("a.laz: 2 points"), sentence("nDSM is empty")
+    ('All points are alike', 'a.laz: 2 points', 'nDSM is empty')
+    """
+    first = text.split(maxsplit=1)[0].rstrip(":,") if text else ""
+    return text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text
 
 
 def anchor(title: str) -> str:

@@ -252,17 +252,14 @@ def noise(
         return verdict
     if height_gap is not None and np.ptp(xyz[:, 2]) > height_gap:
         verdict = cut_off(xyz, reach, height_gap, ctx.part(0.0, 0.2))
-    rest = np.flatnonzero(verdict == 0)
-    tree = PointTree.of(xyz[rest] if len(rest) < len(xyz) else xyz, ctx=ctx.part(0.2, 0.4))
-    k = min(neighbours, len(rest) - 1)
+    rest = verdict == 0
+    main = xyz if rest.all() else xyz[rest]
+    k = min(neighbours, len(main) - 1)
     if scope == "local":
         rule = (threshold, LEAST_DEVIATION, min_neighbours, plant_height)
-        found = _beside_neighbours(tree, neighbours, reach, rule, ctx.part(0.4, 0.95))
+        verdict[rest] = _beside_neighbours(main, neighbours, reach, rule, ctx.part(0.2, 0.95))
     elif k > 0:
-        found = _beside_all(tree, k, threshold, scope, ctx.part(0.4, 0.95))
-    else:
-        found = np.zeros(len(rest), np.uint8)
-    verdict[rest[tree.order]] = found
+        verdict[rest] = _beside_all(main, k, threshold, scope, ctx.part(0.2, 0.95))
     alone = np.flatnonzero(verdict == kernels.ISOLATED)
     verdict[alone] = against_columns(xyz, alone, reach, ctx.part(0.95, 1.0))
     ctx.progress(1.0)
@@ -270,16 +267,18 @@ def noise(
 
 
 def _beside_neighbours(
-    tree: PointTree, k: int, reach: float, rule: tuple[float, float, int, float], ctx: Context
+    xyz: Floats, k: int, reach: float, rule: tuple[float, float, int, float], ctx: Context
 ) -> Verdicts:
-    """Verdicts, in the order of the tree: mean distances compared with those of the neighbours."""
-    n, ratio = len(tree.xyz), 1.0 + rule[0] * rule[1]
-    around: NDArray[Any] = lowest_around(tree, k, reach, ratio, ctx.part(0.0, 0.2))
-    mean, farthest = np.full(n, np.nan), np.full(n, reach)
+    """Verdicts on points: mean distances compared with those of the neighbours."""
+    n, ratio, few = len(xyz), 1.0 + rule[0] * rule[1], max(1, k // NEARER)
+    around: NDArray[Any]
+    tree, around = lowest_around(xyz, k, reach, ratio, few, ctx.part(0.0, 0.4))
     points = np.flatnonzero(np.isfinite(around[0]))
     if len(points) > SEARCHED * n:
-        around, mean, farthest = _all_means(tree, k, reach, ctx.part(0.2, 0.8))
+        around, mean, farthest = _all_means(tree, k, reach, ctx.part(0.4, 0.9))
         points = np.arange(n)
+    else:
+        mean, farthest = np.zeros(n), np.zeros(n)  # which takes no memory until it is used
     verdict = np.zeros(n, np.uint8)
     side_by_side(
         kernels.judge,
@@ -291,13 +290,20 @@ def _beside_neighbours(
         np.ascontiguousarray(around[:, points], np.float64),
         mean,
         farthest,
-        (k, max(1, k // NEARER), k * WIDER),
+        (k, few, k * WIDER),
         reach,
         rule,
         verdict,
-        ctx=ctx.part(0.8, 1.0),
+        ctx=ctx.part(0.9, 1.0),
     )
-    return verdict
+    return _as_given(tree, verdict)
+
+
+def _as_given(tree: PointTree, verdict: Verdicts) -> Verdicts:
+    """Verdicts in the order of the points that the tree was made of."""
+    found, noise = np.zeros_like(verdict), np.flatnonzero(verdict)
+    found[tree.order[noise]] = verdict[noise]
+    return found
 
 
 def _all_means(
@@ -319,9 +325,10 @@ def _all_means(
     return around, mean, farthest
 
 
-def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Context) -> Verdicts:
-    """Verdicts, in the order of the tree: mean distances compared with those of the whole cloud."""
-    mean, _ = tree.mean_distances(k, ctx=ctx.part(0.0, 0.8))
+def _beside_all(xyz: Floats, k: int, threshold: float, scope: Scope, ctx: Context) -> Verdicts:
+    """Verdicts on points: mean distances compared with those of the whole cloud."""
+    tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
+    mean, _ = tree.mean_distances(k, ctx=ctx.part(0.2, 0.8))
     ordered = np.sort(mean)  # sums depend on the order
     if scope == "classic":
         usual, deviation = ordered.mean(), ordered.std(ddof=1)
@@ -341,7 +348,7 @@ def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Co
         verdict,
         ctx=ctx.part(0.8, 1.0),
     )
-    return verdict
+    return _as_given(tree, verdict)
 
 
 def suitable_reach(xyz: Floats, neighbours: int, ctx: Context = QUIET) -> float:

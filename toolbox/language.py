@@ -124,6 +124,9 @@ def _known(code: str, text: str) -> str | None:
         if found := pattern.fullmatch(text):
             values = {name[1:]: _line(code, value) for name, value in found.groupdict().items()}
             return _VALUE.sub(lambda place: values[place[0][1:-1]], translated)  # noqa: B023
+    name, _, rest = text.partition(" ")  # of a file, before what is wrong with it
+    if rest and "." in name[:-1] and (said := _known(code, rest)):
+        return f"{name} {said}"
     return None
 
 

@@ -127,6 +127,8 @@ def test_texts_with_values_are_found_and_numbers_have_commas(
     assert language.told(text) == "3 noktanın diğer bulutta karşılığı yok"
     two = "surface.grid: 1 problem\n  cell: must be > 0 m, got -1"
     assert language.told(two) == "surface.grid: 1 sorun\n  cell: > 0 m olmalı, verilen -1"
+    file = "points: a.laz holds no points"
+    assert language.told(file) == "points: a.laz nokta içermiyor"
     assert language.told("7 of us. No building is here") == "7 of us. No building is here"
     longer = "No buildings were found. 40 % of the points lie on no plane."
     assert language.told(longer) == (

@@ -120,6 +120,7 @@ class SurfaceFlattenWater:
                 lattice,
                 crs=self.terrain.crs,
                 descriptions=("terrain",),
+                units=self.terrain.units[:1],
             ),
             raised=int(np.count_nonzero(raised)),
             largest_raise=most,

@@ -229,7 +229,9 @@ def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
         for name, layer in layers.items()
         if layer.size_text() and not isinstance(layer, Raster)
     ]
-    return [Section("Layers", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
+    return (
+        [Section("Layers", [Rows(Table.from_rows(rows))], folded=True, printed=())] if rows else []
+    )
 
 
 def _settings(spec: Spec, record: Record | None) -> list[Section]:

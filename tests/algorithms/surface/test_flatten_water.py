@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import geopandas
 import numpy as np
 import pytest
@@ -38,6 +40,13 @@ def test_water_is_level_and_no_shore_is_lower() -> None:
     assert found.largest_raise == pytest.approx(1.0)
     assert (z[15:18, 15:18] == 5.0).all()
     assert (z[0] == 12.0).all()
+
+
+def test_heights_keep_their_unit() -> None:
+    """A report said no unit, and no range in words, of a terrain that had lost it."""
+    terrain = replace(bowl(), units=("metre",))
+    found = SurfaceFlattenWater(terrain=terrain, water=pond()).run()
+    assert found.flattened.units == ("metre",)
 
 
 def test_water_that_is_not_there_or_elsewhere_is_told(caplog: pytest.LogCaptureFixture) -> None:

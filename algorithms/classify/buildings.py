@@ -31,7 +31,7 @@ from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
 from algorithms.classify._density import Lengths
-from algorithms.classify._evidence import FOOT, solid
+from algorithms.classify._evidence import FOOT, LET_THROUGH, solid
 from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._sorted_points import SortedPoints
@@ -58,6 +58,7 @@ PER_POINT = 100  # how much longer than others a point takes in which planes are
 TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
 SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
 SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
+CLOSED = LET_THROUGH / 2  # share of pulses that go through edges on a roof; more through trees
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 COLUMNS = (
     *("id", "area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "form"),
@@ -88,9 +89,10 @@ class ClassifyBuildings:
     which at least `planarity` of the points lie on planes, and less than twice that share lets the
     pulse through. Those on planes are joined to regions as an alpha shape; what is narrower than
     `alpha` is cut off, and regions from `smallest` to `largest` are buildings. Up to a metre beside
-    them, all that looks like a roof belongs to it. Points there become class 6 up to the roof,
-    walls and dormers as well, but neither ground nor branches above. Without returns planarity
-    alone decides, and twice as much is asked for.
+    them, all that looks like a roof belongs to it, and so does what it encloses, such as solar
+    panels, if it is as high, hides the ground and lets hardly a pulse through. Points there become
+    class 6 up to the roof, walls and dormers as well, but neither ground nor branches above.
+    Without returns planarity alone decides, and twice as much is asked for.
 
     What is as narrow and low as vehicles and stands free is a bus, a tram, a lorry or a container.
     What has ground in between hides none, and is no roof. What meets ground at roof level at two
@@ -205,6 +207,8 @@ class ClassifyBuildings:
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))
         shapes = self._buildings(features, planes, lengths, ctx.part(0.65, 0.75))
         joined = self._regions(features, roof, lengths, ctx.part(0.75, 0.85))
+        shapes, rough = without_holes(shapes, features, self.min_height)
+        roof |= rough
         found = np.zeros(len(cloud), bool)
         found[part] = up_to_the_roof(
             features, roof, with_what_is_joined(shapes, joined, metre), metre
@@ -362,6 +366,47 @@ def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIE
     )
     found[others] = near
     return found
+
+
+def without_holes(
+    shapes: Shapes, features: _evidence.PointFeatures, lowest: float
+) -> tuple[Shapes, Mask]:
+    """Roofs with their holes filled in which nothing but roof is seen, and the points in these.
+
+    Solar panels, air conditioning and skylights lie on no plane of the roof. Courts show ground,
+    and trees in them let pulses through. Where no pulse has several returns, holes stay.
+
+    Parameters
+    ----------
+    shapes : polygons around the planes of roofs
+    features : n points
+    lowest : height of a roof, metres
+
+    Returns
+    -------
+    polygons, and array of shape (n,)
+    """
+    ground, height = features.terrain
+    rough = np.zeros(len(ground), bool)
+    rings, owner = shapely.get_rings(shapes, return_index=True)
+    inner = np.concatenate([[False], owner[1:] == owner[:-1]])  # the first is the outer one
+    if not features.has_several_returns or not inner.any():
+        return shapes, rough
+    holes = shapely.polygons(rings[inner])
+    points = SortedPoints.of(features, np.ones(len(ground), bool))
+    filled: dict[int, list[Any]] = {}
+    for hole, number in zip(holes, owner[inner].tolist(), strict=True):
+        inside = points.within(hole)
+        high = inside[height[inside] >= lowest]
+        if not len(high) or np.count_nonzero(ground[inside]) > SEEN * len(inside):
+            continue
+        if features.let_through[high].mean() <= CLOSED:
+            filled.setdefault(number, []).append(hole)
+            rough[high] = True
+    whole = shapes.copy()
+    for number, some in filled.items():
+        whole[number] = shapely.union_all([shapes[number], *some])
+    return whole, rough
 
 
 def with_what_is_joined(shapes: Shapes, joined: Shapes, metre: float) -> Shapes:

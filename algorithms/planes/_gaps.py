@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -22,6 +23,8 @@ CORNER_WALL = 0.7  # share of a corner that is wall, if the region is round or p
 BESIDE = 0.4  # share of a side along which there is wall
 SAME = 1.5  # squares by which sides of openings in one row or column differ at most
 UNSEEN_IN = "nothing seen in it"
+TOO_WIDE = "too wide or too high"
+NOT_BETWEEN = "not between parts of the wall"
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -80,12 +83,40 @@ def _behind(relief: Relief, limits: Limits) -> Iterator[Gap]:
         if max(box[2] - box[0], box[3] - box[1]) * relief.side < limits[0]:
             continue  # a strip or a speck
         whole = _completed(seen, holes, hidden)
-        tries = [whole] if whole is seen else [whole, seen]
-        judged = [
-            _judged(relief, region, _fitted(region, relief.states, _box(region)), limits)
-            for region in tries
+        best = _best(relief, [whole] if whole is seen else [whole, seen], limits)
+        parts = _parted(seen, limits[0] / relief.side) if best.dropped == TOO_WIDE else []
+        made = [_best(relief, [part], limits) for part in parts]
+        made = [
+            gap if gap.dropped or _between(gap) else gap._replace(dropped=NOT_BETWEEN)
+            for gap in made
         ]
-        yield next((gap for gap in judged if not gap.dropped), judged[-1])
+        yield from made if sum(not gap.dropped for gap in made) > 1 else [best]
+
+
+def _between(gap: Gap) -> bool:
+    """Whether wall lies beside a region on both sides and above."""
+    return min(gap.beside[0], gap.beside[2], gap.beside[3]) >= BESIDE
+
+
+def _best(relief: Relief, regions: list[Mask], limits: Limits) -> Gap:
+    """The first of several regions that may be an opening, or the last."""
+    judged = [
+        _judged(relief, region, _fitted(region, relief.states, _box(region)), limits)
+        for region in regions
+    ]
+    return next((gap for gap in judged if not gap.dropped), judged[-1])
+
+
+def _parted(region: Mask, width: float) -> list[Mask]:
+    """Parts of a region that are joined where it is narrower than an opening, as arches at foot.
+
+    Parameters
+    ----------
+    width : of the narrowest opening, in squares
+    """
+    size = math.ceil(width)
+    wide = ndimage.binary_opening(region, np.ones((size, size), bool))
+    return list(_regions(wide, wide))
 
 
 def _empty(relief: Relief, limits: Limits) -> Iterator[Gap]:
@@ -98,7 +129,7 @@ def _empty(relief: Relief, limits: Limits) -> Iterator[Gap]:
                 continue
             best = _fitted(region, relief.states, box)
             judged = _judged(relief, region, best, limits, "", reason)
-            if min(judged.beside[0], judged.beside[2], judged.beside[3]) >= BESIDE:
+            if _between(judged):
                 yield judged
 
 
@@ -197,11 +228,11 @@ def _judged(
         if min(width, height) < min_width - relief.side:
             dropped = "too narrow"
         elif width > max_width + relief.side or height > tallest + relief.side:
-            dropped = "too wide or too high"
+            dropped = TOO_WIDE
         elif not rectangle and pure < FULL:
             dropped = "no clear outline"
         elif min(beside[0], beside[2]) < BESIDE and min(beside[1], beside[3]) < BESIDE:
-            dropped = "not between parts of the wall"
+            dropped = NOT_BETWEEN
     return Gap(shape, rectangle, found_by, dropped, pure, beside)
 
 

@@ -25,11 +25,14 @@ AROUND = 2.0  # squares around a region within which the wall begins
 HOLE = 2.5  # radius of a hole of the wall over the distance of neighbours: 20 points are missing
 NEAR_EDGE = 5.0  # distance of an edge from that of its squares, over that of neighbours, at most
 BEHIND = 2 / 3  # depth over the distance of neighbours, beyond which a point is behind the wall
+BLIND = "wall at its back: a blind niche, or shutters as bright as the wall"
 SIDES = ("left", "bottom", "right", "top")
 BESIDE = 4.0  # distance of a point from an edge that is seen, over that of neighbours
 EMPTY = 1.5  # the same behind the opening: one in thirty random half circles has none
 DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the foot of the wall
 OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which it is another
+SAME = 0.15  # distance of Kolmogorov and Smirnov of intensities of one wall; shutters have 0.25
+FLAT = 0.95  # share of the points on the back of a niche that lie in one depth
 UNSEEN = 0.5  # how sure an opening is in which nothing was seen, over one in which there was
 COLUMNS = (
     "kind",
@@ -148,6 +151,9 @@ def openings(
         if reason := _reason(gap, shape, len(inside), min_width, max_width, fewest):
             dropped.append(gap._replace(dropped=reason))
             continue
+        if shades is not None and _blind(shape, inside, front, shades):
+            dropped.append(gap._replace(dropped=BLIND))
+            continue
         found.append(_described(gap, shape, inside, front, shades, recess))
     ctx.progress(1.0)
     found = _with_grid(found, front.side)
@@ -229,12 +235,42 @@ def _described(
     return Opening(shape, len(inside), back, edge_seen, hidden, ", ".join(known), sure)
 
 
-def _other_shade(shape: Any, inside: Ints, front: Relief, shades: Floats) -> bool:
-    """Whether what is in an opening sends back another share of the light than the wall beside."""
+def _wall_beside(shape: Any, front: Relief) -> Mask:
+    """Points of the wall beside an opening, shape (n,)."""
     left, bottom, right, top = shape.bounds
     rim = BESIDE * front.apart
     u, v = front.uv.T
-    beside = front.own & (u > left - rim) & (u < right + rim) & (v > bottom - rim) & (v < top + rim)
+    return np.asarray(
+        front.own & (u > left - rim) & (u < right + rim) & (v > bottom - rim) & (v < top + rim)
+    )
+
+
+def _blind(shape: Any, inside: Ints, front: Relief, shades: Floats) -> bool:
+    """Whether wall closes an opening: as bright as that beside it, and as flat.
+
+    Frames, panes, curtains and goods differ in one of the two. What is near the sides is left out,
+    where reveals are.
+
+    Parameters
+    ----------
+    inside : points behind the opening
+    shades : logarithm of the intensity of all points
+    """
+    from scipy.stats import ks_2samp  # half a second to import
+
+    back = inside[_in(shapely.buffer(shape, -BESIDE * front.apart), front.uv[inside])]
+    beside = _wall_beside(shape, front)
+    if not len(back) or not beside.any():
+        return False
+    depth = front.behind[back]
+    if np.mean(np.abs(depth - np.median(depth)) <= front.step) < FLAT:
+        return False
+    return bool(ks_2samp(shades[back], shades[beside], method="asymp").statistic <= SAME)
+
+
+def _other_shade(shape: Any, inside: Ints, front: Relief, shades: Floats) -> bool:
+    """Whether what is in an opening sends back another share of the light than the wall beside."""
+    beside = _wall_beside(shape, front)
     if not beside.any():
         return False
     middle = np.median(shades[beside])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from algorithms.planes import _columns as columns
 from algorithms.planes import _parameters as options
 from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside
-from algorithms.planes._openings import COLUMNS, Openings, marked, openings
+from algorithms.planes._openings import BLIND, COLUMNS, Openings, marked, openings
 from algorithms.planes._outlines import View, drawn
 from algorithms.planes._relief import Relief, relief_of
 from algorithms.planes._segment import parts_of
@@ -65,7 +65,8 @@ class PlanesOpenings:
     is an opening: a pane, a door, goods, a curtain. It has to fill most of a level rectangle, or
     have a clear outline of another form, and wall beside it. A gap in which nothing is seen is a
     shadow of what stands in front, or a dark room: it is an opening only if two others lie in its
-    row and one in its column, with the same sides.
+    row and one in its column, with the same sides. A recess whose back is as flat and as bright as
+    the wall beside it is a blind niche, and no opening.
 
     `found_by` says what tells: recess (something no farther back than `recess`), behind (farther),
     reflectance (it is not that of the wall beside), grid (its sides are in line with those of
@@ -269,6 +270,7 @@ class PlanesOpenings:
             self._warn_if_noisy(number + 1, relief.step / cloud.metre)
             self._warn_if_two_sided(number + 1, relief.twice())
             self._warn_of_unseen(number + 1, made)
+            self._warn_of_blind(number + 1, made)
         if not any(one.made.found for one in seen):
             names = ", ".join(str(one.number) for one in seen)
             log.warning(
@@ -320,6 +322,17 @@ class PlanesOpenings:
                 100 * area / made.wall.area,
                 number,
                 area / self.points.metre**2,
+            )
+
+    def _warn_of_blind(self, number: int, made: Openings) -> None:
+        """Say so where recesses are taken for wall, since shutters may be as bright and flat."""
+        blind = sum(gap.dropped == BLIND for gap in made.dropped)
+        if blind:
+            log.warning(
+                "recesses of front %d with wall at their back, no openings: %d; shutters as bright "
+                "as the wall look the same; dropped has their places",
+                number,
+                blind,
             )
 
     def _warn_if_two_sided(self, number: int, share: float) -> None:

@@ -131,6 +131,33 @@ def test_a_gutter_belongs_to_the_roof_beside_it() -> None:
     assert (out.classified["classification"][gutter] == 6).mean() > 0.9
 
 
+@pytest.mark.parametrize(("rise", "torn", "filled"), [(0, 0.05, 1), (0, 0.2, 0), (-6, 0.0, 0)])
+def test_what_a_roof_encloses_is_roof_if_it_is_as_closed(
+    rise: float, torn: float, filled: int
+) -> None:
+    """Panels on a flat roof, a tree in a court, and a court."""
+    rng = np.random.default_rng(8)
+    x, y = rng.uniform(0, 60, (2, 8 * 60 * 60))
+    z = rng.normal(0, 0.02, len(x))
+    roof, inner = (np.maximum(abs(x - 30), abs(y - 30)) < size for size in (14, 7))
+    z[roof] += 6
+    z[inner] += rise + (rng.uniform(0, 1.5, inner.sum()) if rise == 0 else 0)
+    court = inner if rise else np.zeros(len(x), bool)
+    count = 1 + (inner & (rng.random(len(x)) < torn))
+    count[(x < 1) & ~roof] = 2  # pulses have several returns somewhere
+    columns = {
+        "classification": np.where(roof & ~court, 1, 2).astype(np.uint8),
+        "return_number": np.ones(len(x), np.uint8),
+        "number_of_returns": count.astype(np.uint8),
+    }
+    xyz = np.column_stack([x + 500_000, y + 4_600_000, z])
+    out = ClassifyBuildings(points=PointCloud(xyz, columns, crs=UTM)).run()
+    core = np.maximum(abs(x - 30), abs(y - 30)) < 4
+    assert (out.classified["classification"][core] == 6).mean() == pytest.approx(filled, abs=0.02)
+    (outline,) = out.outlines.frame.geometry
+    assert len(outline.interiors) == 1 - filled
+
+
 def test_points_lie_on_planes_near_them() -> None:
     roof = np.array([[x, y, 0.5 * y] for x in range(5) for y in range(5)], float)
     up = np.array([0, -1, 2]) / np.sqrt(5)

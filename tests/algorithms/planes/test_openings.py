@@ -279,6 +279,56 @@ def test_another_reflectance_is_told() -> None:
     assert sorted(frame.found_by) == ["behind", "recess, reflectance"]
 
 
+def recesses(shade: float, rough: float = 0.003) -> PointCloud:
+    """A wall with a dark window, and beside it a recess 12 cm deep of some brightness."""
+    rng = np.random.default_rng(3)
+    boxes = (2.0, 1.0, 3.2, 2.4), (6.0, 1.0, 7.2, 2.4)
+    wall = flat((0, 0, 10, 4), 1500, 0, rng)
+    for left, bottom, right, top in boxes:
+        inside = (wall[:, [0, 2]] > (left, bottom)) & (wall[:, [0, 2]] < (right, top))
+        wall = wall[~inside.all(axis=1)]
+    window, niche = (flat(box, 1500, 0.12, rng) for box in boxes)
+    niche[:, 1] += rng.normal(0, rough, len(niche))
+    parts = wall, window, niche
+    ids = np.repeat([1, 2, 3], [len(part) for part in parts])
+    bright = np.array([0, 3000, 500, shade])[ids] * rng.lognormal(0, 0.2, len(ids))
+    columns = {"plane_id": ids.astype(np.int32), "intensity": bright.astype(np.uint16)}
+    return PointCloud(np.vstack(parts) + FAR, columns, crs=UTM)
+
+
+def test_a_blind_niche_is_no_opening_and_told(caplog: pytest.LogCaptureFixture) -> None:
+    out = found(recesses(3000))
+    assert out.count == 1
+    (reason,) = out.dropped.frame.reason
+    assert reason == "wall at its back: a blind niche, or shutters as bright as the wall"
+    assert "recesses of front 1 with wall at their back, no openings: 1;" in caplog.text
+
+
+@pytest.mark.parametrize(("shade", "rough"), [(2500, 0.003), (3000, 0.03)])
+def test_a_recess_of_another_brightness_or_not_flat_is_an_opening(
+    shade: float, rough: float
+) -> None:
+    assert found(recesses(shade, rough)).count == 2
+
+
+def test_arches_joined_at_their_foot_are_found_one_by_one() -> None:
+    """Below the piers between them a strip of what is behind is seen."""
+    rng = np.random.default_rng(5)
+    wall = flat((0, 0, 12, 5), 600, 0, rng)
+    behind = []
+    for box in ((1.0, 0, 3.5, 3), (4.5, 0, 7.0, 3), (8.0, 0, 10.5, 3), (1.0, 0, 10.5, 0.25)):
+        inside = (wall[:, [0, 2]] > box[:2]) & (wall[:, [0, 2]] < box[2:])
+        wall = wall[~inside.all(axis=1)]
+        behind.append(flat(box, 600, 2.0, rng))
+    street = np.column_stack([*(rng.random((2, 20_000)) * [[12], [-8]]), np.zeros(20_000)])
+    ids = np.zeros(len(wall) + sum(map(len, behind)) + len(street), np.int32)
+    ids[: len(wall)] = 1
+    xyz = np.vstack([wall, *behind, street]) + FAR
+    frame = found(PointCloud(xyz, {"plane_id": ids}, crs=UTM)).openings.frame
+    assert frame.width.tolist() == pytest.approx([2.5] * 3, abs=0.15)
+    assert set(frame.kind) == {"door"}
+
+
 def panels(back: float = 0.0) -> PointCloud:
     """Panels between pilasters that stand before them, with nine windows, one of them empty."""
     rng = np.random.default_rng(9)

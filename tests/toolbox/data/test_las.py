@@ -774,3 +774,16 @@ def test_intensities_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     cloud = PointCloud(np.eye(3), {"intensity": np.array([0.5, -1.0, 2.0])})
     with pytest.raises(DataError, match="LAS holds whole numbers"):
         cloud.save(tmp_path / "a.laz")
+
+
+def test_an_attribute_that_gets_wider_moves_none_of_those_after_it(tmp_path: Path) -> None:
+    count = np.arange(50)
+    made = PointCloud(np.column_stack([count, count, count]).astype(float))
+    made.with_attributes({"a": count.astype(np.uint8), "b": count * 1.5}).save(tmp_path / "1.las")
+    wider = PointCloud.open(tmp_path / "1.las").with_attributes({"a": count * 1000.0, "c": -count})
+    wider.save(tmp_path / "2.las")
+    found = PointCloud.open(tmp_path / "2.las")
+    np.testing.assert_array_equal(found["a"], count * 1000.0)
+    np.testing.assert_array_equal(found["b"], count * 1.5)
+    np.testing.assert_array_equal(found["c"], -count)
+    np.testing.assert_array_equal(found["x"], count)

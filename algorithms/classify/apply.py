@@ -143,7 +143,10 @@ class ClassifyApply:
         own = cloud.core[part]
         rows = list(drift.rows(made, data[own], order[own, 0]))
         if strange := [row["feature"] for row in rows if row["verdict"] != "alike"]:
-            text = "%d of %d features are unlike the training, most of all %s"
+            text = (
+                "%d of %d features are unlike the training, most of all %s: that says that the "
+                "accuracy of the training need not hold, not how many classes are wrong"
+            )
             log.warning(text, len(strange), len(rows), ", ".join(strange[:3]))
         outside = np.zeros(count, bool)
         outside[part] = drift.beyond(made, data)

@@ -19,7 +19,7 @@ AHN3 = ("ahn3_delft_bgt/ahn3_cropped_2.laz", "ahn_amsterdam/ahn3_2386_9702.laz")
 AHN4 = "ahn_amsterdam/ahn4_2463_9714_rgb.laz"
 LINES = tuple(f"powerline_ahn4/{name}_as_published.laz" for name in ("12BZ1_21", "12AN2_20"))
 SMOOTH = 1.5  # metres; chosen on the first two tiles
-CLASSES, RADII = (2, 3, 4, 5, 6), (0.5, 1.0, 2.0, 4.0)
+CLASSES, RADII = (2, 3, 4, 5, 6), (1.0, 2.0, 4.0)
 MERGED = np.array([0, 1, 2, 5, 5, 5, 6, *range(7, 256)])  # low to high vegetation are one
 OBJECTS = np.array([0, 1, 2, 1, 1, 1, 6, *range(7, 256)])  # what AHN has: ground, building, rest
 

@@ -15,7 +15,7 @@ relevant features and efficient classifiers. ISPRS Journal 105, 286-304.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,21 +33,21 @@ from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, nearest
 
-RADII = (0.5, 1.0, 2.0, 4.0)  # metres, of features of which none are named
+RADII = (1.0, 2.0, 4.0)  # metres, of features of which none are named
 OFFERED = (*MADE, *(f"{name}@2" for name in (*FEATURES, *COLUMN)))  # in dialogs
 PER_RADIUS = 4  # voxels along a radius
 FINE = float(1 << 20)  # steps of a voxel in which positions are summed up, so that sums are exact
 MOST = 1 << 20  # voxels, and cells, along an axis
-WITHOUT_HEIGHTS = {"above_lowest", "below_highest", "mean_intensity", "intensity_spread"}
+LIGHT = ("mean_intensity", "intensity_spread")
+WITHOUT_HEIGHTS = {"above_lowest", "below_highest", *LIGHT}
 BENT = {"flat_share", "mean_variation"}
 LARGEST = 10.0  # metres, of a radius
 RUN = 1 << 16  # points that one thread takes at once
 DIGITS = 4  # of features, so that what arithmetic rounds otherwise makes no other tree
 PLANE_RADIUS, CONTEXT = 1.0, 3.0  # metres, of the features of classify.som
-LOCAL = (
-    *("linearity", "planarity", "sphericity", "surface_variation", "eigenentropy", "omnivariance"),
-    *("verticality", "height_range", "height_deviation", "roughness", "surface_density"),
-    *("above_lowest", "below_highest"),  # the other ones of columns are taken if they are named
+LOCAL = (  # others of FEATURES say nearly the same as these
+    *("linearity", "planarity", "surface_variation", "verticality", "height_deviation"),
+    *("roughness", "surface_density"),
 )
 SINGLE = ("height_above_ground", "ground", "planarity", "roughness", "returns")
 ECHOES = ("returns", "passing_share")
@@ -62,9 +62,12 @@ def usual(cloud: PointCloud, radii: Sequence[float]) -> tuple[str, ...]:
         for name in ("return_number", "number_of_returns", "intensity")
         if name in cloud and np.ptp(cloud[name]) > 0
     ]
-    missing = () if has_numbers(cloud) else ECHOES
+    missing = set() if has_numbers(cloud) else set(ECHOES)
+    if "intensity" not in given:
+        missing |= set(LIGHT)
     single = [name for name in SINGLE if name not in missing]
-    return (*single, *given, *(f"{name}@{radius:g}" for radius in radii for name in LOCAL))
+    each = [name for name in (*LOCAL, *COLUMN) if name not in missing]
+    return (*single, *given, *(f"{name}@{radius:g}" for radius in radii for name in each))
 
 
 def split(name: str) -> tuple[str, float | None]:
@@ -123,13 +126,15 @@ def described(
     for k, name in enumerate(names):
         if split(name)[1] is None:
             made[k] = single.feature(name)
-    measured = _measured(cloud, single, {split(name)[0] for name in names if "@" in name})
-    radii = sorted({radius for name in names if (radius := split(name)[1]) is not None})
-    for done, radius in enumerate(radii):
-        part = ctx.part(0.5 + 0.5 * done / len(radii), 0.5 + 0.5 * (done + 1) / len(radii))
-        wanted = [(k, split(name)[0]) for k, name in enumerate(names) if split(name)[1] == radius]
-        for k, values in _of_radius(measured, radius, wanted, part):
-            made[k] = values
+    place: dict[tuple[str, float | None], list[int]] = {}
+    for k, name in enumerate(names):
+        place.setdefault(split(name), []).append(k)
+    asked: dict[float, list[str]] = {}
+    for base, radius in place:
+        if radius is not None:
+            asked.setdefault(radius, []).append(base)
+    for base, radius, values in _of_radii(cloud, single, asked, ctx.part(0.5, 1.0)):
+        made[place[base, radius]] = values
     found = np.empty((len(cloud), len(names)), np.float32)
 
     def fill(first: int, last: int) -> None:
@@ -141,38 +146,55 @@ def described(
     return found
 
 
-def _measured(cloud: PointCloud, single: PointFeatures, bases: set[str]) -> Measured:
+def _of_radii(
+    cloud: PointCloud, single: PointFeatures, asked: Mapping[float, Sequence[str]], ctx: Context
+) -> Iterator[tuple[str, float, NDArray[np.floating]]]:
+    """Name, radius and values of each feature that is asked for, by radius."""
+    if not len(cloud):
+        return
+    xyz, bent = cloud.xyz / cloud.metre, np.full(len(cloud), np.nan, np.float32)
+    local = {r: [name for name in bases if name in FEATURES] for r, bases in asked.items()}
+    columns_of = {r: [name for name in bases if name in COLUMN] for r, bases in asked.items()}
+    of_columns = {name for some in columns_of.values() for name in some}
+    if of_columns & BENT:
+        local.setdefault(PLANE_RADIUS, [])
+    for done, (radius, bases) in enumerate(sorted(local.items())):
+        part = ctx.part(done / len(local), (done + 1) / len(local))
+        flat = radius == PLANE_RADIUS and bool(of_columns & BENT)
+        wanted = sorted({*bases, "surface_variation"}) if flat else bases
+        found = _local(xyz, radius, wanted, part) if wanted else {}
+        if flat:
+            bent = found["surface_variation"]
+        yield from ((name, radius, found[name]) for name in bases)
+    if not of_columns:
+        return
+    measured = _measured(cloud, single, of_columns, np.asarray(bent, float))
+    for radius, bases in columns_of.items():
+        if bases:
+            made = columns.features(measured, radius, bases)
+            yield from ((name, radius, values) for name, values in made.items())
+
+
+def _local(
+    xyz: Floats, radius: float, names: Sequence[str], ctx: Context
+) -> dict[str, NDArray[np.float32]]:
+    """Features of the neighbourhoods of points in metres, by coarser points for larger radii."""
+    coarse, place = voxel_means(xyz, radius / PER_RADIUS)
+    local = [name for name in FEATURES if name in names]
+    made = covariance_features(coarse, neighbours=None, radius=radius, names=local, ctx=ctx)
+    return {name: values[place] for name, values in made.items()}
+
+
+def _measured(cloud: PointCloud, single: PointFeatures, bases: set[str], bent: Floats) -> Measured:
     """What columns need of the points; heights are only looked for if a feature asks for them."""
-    count, some = len(cloud), {base for base in bases if base in COLUMN}
+    count = len(cloud)
     ground, height = np.zeros(count, bool), np.zeros(count)
-    if some - WITHOUT_HEIGHTS:
+    if bases - WITHOUT_HEIGHTS:
         ground, height = single.terrain
         height = np.asarray(height, float)
     passing = single.let_through if has_numbers(cloud) else np.zeros(count, bool)
     light = np.asarray(cloud["intensity"], float) if "intensity" in cloud else np.zeros(count)
-    xyz, bent = cloud.xyz / cloud.metre, np.full(count, np.nan)
-    if some & BENT and count:
-        coarse, place = voxel_means(xyz, PLANE_RADIUS / PER_RADIUS)
-        bent = covariance_features(
-            coarse, neighbours=None, radius=PLANE_RADIUS, names=("surface_variation",)
-        )["surface_variation"][place]
-    return Measured(xyz, height, ground, passing, light, np.asarray(bent, float))
-
-
-def _of_radius(
-    points: Measured, radius: float, wanted: Sequence[tuple[int, str]], ctx: Context
-) -> list[tuple[int, NDArray[np.floating]]]:
-    """Features of one radius with their columns."""
-    local = [name for name in FEATURES if name in {base for _, base in wanted}]
-    found: dict[str, NDArray[np.floating]] = {}
-    if local and len(points.xyz):
-        coarse, place = voxel_means(points.xyz, radius / PER_RADIUS)
-        made = covariance_features(coarse, neighbours=None, radius=radius, names=local, ctx=ctx)
-        found |= {name: values[place] for name, values in made.items()}
-    asked = [base for _, base in wanted if base in COLUMN]
-    if asked and len(points.xyz):
-        found |= columns.features(points, radius, asked)
-    return [(k, found[base]) for k, base in wanted if base in found]
+    return Measured(cloud.xyz / cloud.metre, height, ground, passing, light, bent)
 
 
 def voxel_means(xyz: Floats, side: float) -> tuple[Floats, NDArray[np.int64]]:

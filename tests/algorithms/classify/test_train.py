@@ -62,7 +62,11 @@ def test_trees_give_the_probabilities_of_scikit_learn(kind: Kind, classes: int) 
     made = trained(points, settings(classes, kind))
     theirs = (
         HistGradientBoostingClassifier(
-            max_iter=8, early_stopping=False, random_state=0, l2_regularization=1.0
+            max_iter=8,
+            early_stopping=False,
+            random_state=0,
+            l2_regularization=1.0,
+            max_features=1 / np.sqrt(3),
         )
         if kind == "boosting"
         else RandomForestClassifier(8, min_samples_leaf=5, random_state=0, max_depth=20)
@@ -340,3 +344,18 @@ def test_columns_without_points_above_the_ground_have_no_heights() -> None:
 def test_what_cannot_be_learnt(given: dict[str, Any], text: str) -> None:
     with pytest.raises((DataError, ParameterError), match=text):
         ClassifyTrain(**{"points": yard(), "features": ("intensity",), **QUICK, **given}).run()
+
+
+def test_features_that_are_not_named_are_those_of_each_radius_that_the_points_can_have() -> None:
+    """Columns of light need intensities; a radius written twice in two ways is the same."""
+    cloud = yard()
+    every = names_of.usual(cloud, (1.0, 2.0))
+    for name in ("planarity", "mean_intensity", "top_height"):
+        assert {f"{name}@1", f"{name}@2"} <= set(every)
+    dark = cloud.with_attributes({"intensity": np.zeros(len(cloud))})
+    assert not any("intensity" in name for name in names_of.usual(dark, (1.0, 2.0)))
+    twice = names_of.described(cloud, ("mean_variation@2", "planarity@1", "planarity@1.0"))
+    np.testing.assert_array_equal(twice[:, 1], twice[:, 2])
+    bent = names_of.described(cloud, ("mean_variation@2",))[:, 0]  # needs the neighbourhoods of 1 m
+    np.testing.assert_array_equal(twice[:, 0], bent)
+    assert np.nanmax(bent) > 0

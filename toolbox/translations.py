@@ -18,6 +18,7 @@ from pathlib import Path
 import polib
 
 from toolbox import catalog, language
+from toolbox.data.asprs import CLASSES
 from toolbox.language import FOLDER
 
 CODE = Path(__file__).parent
@@ -35,6 +36,7 @@ WORD, FEW = re.compile(r"[A-Za-z]{2,}"), 2  # of so many words a text is hardly 
 NO_TEXT = re.compile(r"</|<\w|SELECT |CREATE |PRAGMA|==|::|^\S+$|^\w+(,\s?\w+)*$|[A-Z]{4,}\[")
 ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")[^"]+(?="\))')
 PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
+HEADS = ("Coordinates", "Made with", "Map", "Files", "Drawings", "Left out")  # of one word
 PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")
 VALUE = re.compile(r"\{\d+\}")
 # what a translation must hold as it is: `names`, {places}, %s, --options, ids of tools
@@ -85,7 +87,8 @@ def of_told() -> list[str]:
                 tree = ast.parse(path.read_text(encoding="utf-8"))
                 found |= dict.fromkeys(_told_by(tree))
     elsewhere = {*of_tools(), *of_code()}
-    return [*(text for text in found if text not in elsewhere), *PROBLEMS]
+    heads = [*PROBLEMS, *HEADS, *CLASSES.values()]
+    return list(dict.fromkeys(text for text in [*found, *heads] if text not in elsewhere))
 
 
 def _told_by(tree: ast.AST) -> Iterator[str]:

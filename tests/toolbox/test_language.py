@@ -14,7 +14,7 @@ from toolbox.data import Report, Rows, Section, Table
 from toolbox.labels import LONGEST_TITLE
 
 LANGUAGES = sorted(path.name for path in language.FOLDER.iterdir())
-TOLD = {"tr": 1000}  # texts of warnings, errors and reports that are translated at least
+TOLD = {"tr": 1200}  # texts of warnings, errors and reports that are translated at least
 CATALOGUES = [(code, name) for code in LANGUAGES for name in ("tools.po", "messages.po", "told.po")]
 
 

@@ -81,6 +81,7 @@ class CellGrid:
     metre : length of one metre in the unit of the data
     base : height from which the others are counted
     low : lowest height, inf where there is no point
+    high : highest, -inf where there is none
     count : number of points
     bright : mean intensity, NaN where there is no point
     water : number of points of a class of water
@@ -96,6 +97,7 @@ class CellGrid:
     metre: float
     base: float
     low: Floats
+    high: Floats
     count: NDArray[np.int32]
     bright: Floats
     water: NDArray[np.int32]
@@ -185,6 +187,14 @@ class Body:
         return self.lost <= SPARSE
 
     @property
+    def holds(self) -> bool:
+        """Whether it may stand above other water beside it, as behind a sluice or a weir.
+
+        A bank of that water returns its pulses, and is hardly darker than the land around.
+        """
+        return self.few or self.dark >= VERY_DARK
+
+    @property
     def doubtful(self) -> bool:
         """Whether its level is all that speaks for it: squares and cuttings are level, too."""
         return self.evidence == LEVEL_ALONE
@@ -207,7 +217,8 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
     size = math.sqrt(PER_CELL / density) / metre
     size = min(max(size, SMALLEST_CELL), LARGEST_CELL)
     lattice = lattice_around(corners, size * metre, count=len(points))
-    low, bright = np.full(lattice.shape, np.inf, np.float32), np.zeros(lattice.shape, np.float32)
+    low, high = (np.full(lattice.shape, v, np.float32) for v in (np.inf, -np.inf))
+    bright = np.zeros(lattice.shape, np.float32)
     count, water = np.zeros(lattice.shape, np.int32), np.zeros(lattice.shape, np.int32)
     base = float(corners[0, 2])
     for some in points.blocks():
@@ -218,6 +229,7 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
             points.intensity[some],
             points.water[some],
             low.ravel(),
+            high.ravel(),
             count.ravel(),
             bright.ravel(),
             water.ravel(),
@@ -237,6 +249,7 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
         metre,
         base,
         low,
+        high,
         count,
         bright,
         water,
@@ -334,7 +347,7 @@ class Pour:
         if len(body) < self.least:
             return self._refuse(body, "too small")
         judged, why = judge(self.cells, body, level, tilt, rough=rough)
-        if judged and not judged.few and self._above_water(body, level) > most_lower:
+        if judged and not judged.holds and self._above_water(body, level) > most_lower:
             self._note(starts, level, tilt)
             judged, why = None, f"it is a bank of water {DROP:g} m lower"
         if judged is None:
@@ -378,8 +391,10 @@ class Pour:
     def again(self, body: Body, level: Level, tilt: Tilt) -> list[Body]:
         """The body extended to all cells that its waves reach, up to a crest above its level.
 
-        Where these would run off, as over a low dam, it is extended by less. Where it would still
-        run off, to other water, there is none.
+        Where these would run off, as over a low dam, it is extended by less, and by the crests that
+        it encloses: a level without them is too low. Where it would still run off, to other water,
+        there is none, unless it may stand above that and its level is nearly what it was: then it
+        stays as it is, since cells are wider than the wall between.
         """
         step, sigma = STEP * self.cells.metre, level.sigma
         height, top = level.height - self.cells.base, level.highest - self.cells.base
@@ -391,12 +406,27 @@ class Pour:
             if lower <= most:
                 break
         else:
+            if not body.holds or abs(level.height - body.level) > step + sigma:
+                self.ran_off.append(body)
+                return []
+            cells = body.cells[self.state.ravel()[body.cells] != TAKEN]
+        if not body.holds and self._above_water(cells, height) > most:
+            self.ran_off.append(body)
             return []
-        if not body.few and self._above_water(cells, height) > most:
-            return []
+        cells = self._enclosed(cells, top + max(CREST * sigma, step), tilt)
         self._take(cells, height, tilt)
         waves = max(sigma, step) + top - height
         return [replace(body, cells=cells, level=level.height, tilt=tilt, waves=waves)]
+
+    def _enclosed(self, body: Ints, height: float, tilt: Tilt) -> Ints:
+        """A body with the cells up to a height that nothing but the body is beside."""
+        lattice = self.cells.lattice
+        (top, left), mask = window(lattice, body, 0)
+        r, c = np.nonzero(ndimage.binary_fill_holes(mask) & ~mask)
+        amid = (r + top) * lattice.cols + c + left
+        free = self.state.ravel()[amid] != TAKEN
+        low = self.floor.ravel()[amid] <= height + tilt.at(r + top, c + left)
+        return np.union1d(body, amid[free & low])
 
     def _spread(
         self, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
@@ -649,10 +679,15 @@ def _is_level(cells: CellGrid, some: Ints) -> bool:
     core = core[np.isfinite(cells.middle.ravel()[core])]
     if len(core) < KNOWN:
         return False
-    middle, off = cells.middle.ravel()[core], (cells.low - cells.middle).ravel()[core]
-    off = off[np.isfinite(off)]
-    waves = float(np.ptp(np.percentile(off, (20, 80)))) / SIGMAS if len(off) else 0.0
+    middle, waves = cells.middle.ravel()[core], waves_of(cells, core)
     return _flat(cells, core, middle, waves) or _two_levels(cells, core, middle, waves)
+
+
+def waves_of(cells: CellGrid, some: Ints) -> float:
+    """Standard deviation of the lowest heights in cells from those around."""
+    off = (cells.low.ravel() - cells.middle.ravel())[some]
+    off = off[np.isfinite(off)]
+    return float(np.ptp(np.percentile(off, (20, 80)))) / SIGMAS if len(off) else 0.0
 
 
 def _flat(cells: CellGrid, some: Ints, heights: Floats, waves: float) -> bool:

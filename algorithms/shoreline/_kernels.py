@@ -10,11 +10,12 @@ NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0))  # of a cell: water does not cre
 
 
 @njit(cache=True, nogil=True)
-def gather(cells, z, intensity, is_water, low, count, bright, water):
-    """Add points to their cells: lowest height, count, sum of intensities, count of class water."""
+def gather(cells, z, intensity, is_water, low, high, count, bright, water):
+    """Add points to their cells: heights, count, sum of intensities, count of class water."""
     for i in range(len(cells)):
         k = cells[i]
         low[k] = min(low[k], z[i])
+        high[k] = max(high[k], z[i])
         count[k] += 1
         bright[k] += intensity[i]
         water[k] += is_water[i]

@@ -70,6 +70,7 @@ class Level:
     centre : where the height is
     of_strip : number and level of each strip of which enough points are on the water
     parts : levels of two parts side by side whose flights the points do not name, lower first
+    cover : levels of the part that returns most, and of the rest, where these differ
     """
 
     height: float
@@ -83,6 +84,7 @@ class Level:
     centre: tuple[float, float] = (0.0, 0.0)
     of_strip: tuple[tuple[int, float], ...] = ()
     parts: tuple[float, float] | None = None
+    cover: tuple[float, float] | None = None
 
     @property
     def highest(self) -> float:
@@ -139,23 +141,32 @@ def level_of(
         return Level(start, MOST_SIGMA * metre, math.inf, MOST_SIGMA * metre, int(near.sum()))
     level = float(heights[near].mean())
     scatter, freedom, apart = _error(xyz[core][near], strips[near])
-    error = math.hypot(scatter, _rounding(heights[near], step))
-    # What rounding adds is known, and has no degrees of freedom to lose.
-    freedom = freedom * (error / scatter) ** 4 if scatter else math.inf
+    error, freedom = _with_known(scatter, freedom, _rounding(heights[near], step))
     if sigma >= MOST_SIGMA * metre:  # rougher than water: banks or islands are among the points
         error, freedom = sigma, math.inf
     own = _levels(heights, strips, near)
     found = Level(level, error, freedom, sigma, int(near.sum()), apart, of_strip=own)
     flat = np.column_stack([xyz[core][near, :2], heights[near] - found.shift(strips[near])])
     if parts := _parts(flat, metre):
-        # Which of two levels is meant nobody knows: each is within the error.
-        error = math.hypot(error, float(np.ptp(parts)) / 2)
-        found = replace(found, error=error, parts=parts)
+        found = replace(holding(found, parts), parts=parts)
     below = level + found.shift(strip) - xyz[:, 2]
     below = below[(below > 0) & (below < MOST_SIGMA * WIDEST * metre)]
     if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
         sigma = max(sigma, min(float(np.median(below)) / NORMAL, MOST_SIGMA * metre))
     return replace(found, sigma=sigma)
+
+
+def holding(level: Level, parts: tuple[float, float]) -> Level:
+    """A level whose interval holds those of both its parts: nobody knows which of them is meant."""
+    apart = max(abs(level.height - part) for part in parts)
+    error, freedom = _with_known(level.error, level.freedom, apart)
+    return replace(level, error=error, freedom=freedom)
+
+
+def _with_known(error: float, freedom: float, known: float) -> tuple[float, float]:
+    """An error with a known part, which has no degrees of freedom to lose, and its freedom."""
+    both = math.hypot(error, known)
+    return both, freedom * (both / error) ** 4 if error else math.inf
 
 
 def _levels(heights: Floats, strip: Ints, near: NDArray[np.bool_]) -> tuple[tuple[int, float], ...]:

@@ -29,8 +29,18 @@ from algorithms.shoreline._bodies import (
     joined,
     open_water,
 )
+from algorithms.shoreline._cover import covered
+from algorithms.shoreline._dikes import apart
 from algorithms.shoreline._kernels import TAKEN
-from algorithms.shoreline._level import DAYS, FEWEST, Level, edge_level, even_blocks, level_of
+from algorithms.shoreline._level import (
+    DAYS,
+    FEWEST,
+    Level,
+    edge_level,
+    even_blocks,
+    holding,
+    level_of,
+)
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
 from toolbox.declare import Position
@@ -93,6 +103,7 @@ def find_water(
         bodies = joined(cells, [water.body for water in found])
         if k + 1 >= ROUNDS and len(bodies) == len(found):
             break
+    found = [part for water in found for part in _parted(points, cells, pour.least, water)]
     ctx.progress(1.0)
     if not level_alone:
         found = _sure(cells, found)
@@ -100,6 +111,23 @@ def find_water(
         _tell_nothing(cells, pour)
     _tell_above(cells, pour, found)
     return cells, sorted(found, key=_by_size)
+
+
+def _parted(points: Returns, cells: CellGrid, least: int, water: Water) -> list[Water]:
+    """Waters on both sides of dikes, if they stand at levels of their own, or the water whole."""
+    if water.fall or water.level.strips > DAYS * cells.metre:  # a step between flights is no dike
+        return [water]
+    parts = apart(cells, water.body, least)
+    if len(parts) < 2:
+        return [water]
+    found = with_levels(points, cells, parts)
+    levels = [one.level for one in found]
+    pairs = [(a, b) for k, a in enumerate(levels) for b in levels[:k]]
+    differ = any(
+        abs(a.height - b.height) >= DAYS * cells.metre and not _alike(a, b, cells.metre)
+        for a, b in pairs
+    )
+    return found if differ else [water]
 
 
 def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
@@ -303,6 +331,8 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float)
             troughs = level_of(flat, strip, low, body.level, metre)
             error = math.hypot(level.error, (level.height - troughs.height) / 2)
             level = replace(level, error=error)
+        if parts := covered(flat, strip, cells_of(xyz, lattice), core, cells, level):
+            level = replace(holding(level, parts), cover=parts)
     flat[:, 2] -= level.shift(strip)
     xyz = np.column_stack([xyz[:, :2], xyz[:, 2] - level.shift(strip)])
     near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
@@ -416,6 +446,14 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 low,
                 high,
+            )
+        if one.level.cover:
+            log.warning(
+                "points: the %s stands at %.3f where most pulses come back, or the brightest ones, "
+                "and at %.3f elsewhere: floating plants or ice, or flights at other times. Its "
+                "level is the mean of its points; its interval holds both",
+                name_of(cells, one),
+                *one.level.cover,
             )
         if one.level.basis == "shore" and (rise := _rise(cells, one)) > WALL * metre:
             log.warning(

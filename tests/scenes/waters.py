@@ -424,6 +424,38 @@ def river(land: Land) -> None:
     land.waters.append(Water(shape, 97.0, 0.4, fall))
 
 
+def fish_ponds(land: Land) -> None:
+    """Nine ponds at levels of their own, between dikes of 6 m that are 0.8 m high."""
+    wide = 0.8 * land.side / 3
+    for i in range(3):
+        for j in range(3):
+            x, y = 0.1 * land.side + i * wide, 0.1 * land.side + j * wide
+            shape = shapely.box(x + 3, y + 3, x + wide - 3, y + wide - 3)
+            land.waters.append(Water(shape, 99.0 + float(land.rng.uniform(-0.3, 0.3)), 0.5))
+
+
+def lock(land: Land) -> None:
+    """Two basins between walls, one 1.6 m above the other, with a gate of 4 m between them."""
+    side, half = land.side, 0.06 * land.side
+    for level, west, east in ((99.0, 0.1 * side, side / 2 - 2), (97.4, side / 2 + 2, 0.9 * side)):
+        shape = shapely.box(west, side / 2 - half, east, side / 2 + half)
+        land.waters.append(Water(shape, level, 10.0))
+
+
+def leaves(land: Land) -> None:
+    """A lake with leaves up to 25 cm high on two fifths of it, which return each pulse."""
+    shape, rng = _middle(land, 0.3), land.rng
+    land.returned = min(land.returned, 0.3)
+    land.waters.append(Water(shape, 99.0, 0.3))
+    phase = rng.uniform(0, 2 * np.pi, 2)
+
+    def above(x: Floats, y: Floats, wet: Mask) -> tuple[Floats, NDArray[np.int64]]:
+        patch = np.sin(x / 17 + phase[0]) + np.sin(y / 19 + phase[1]) > 0.35
+        return np.where(wet & patch, rng.uniform(0.02, 0.25, len(x)), 0), np.full(len(x), FLOAT)
+
+    land.above = above
+
+
 def rice_wet(land: Land) -> None:
     """Flooded rice fields at levels of their own, between bunds of 0.3 m."""
     land.noise = float(land.rng.uniform(0.02, 0.04))
@@ -576,6 +608,9 @@ WET = (
     trees,
     open_edge,
     river,
+    fish_ponds,
+    lock,
+    leaves,
     rice_wet,
     ice,
     days,

@@ -442,6 +442,33 @@ def test_a_part_of_a_lake_that_stands_higher_is_told(apart: float, told: bool, c
         assert float(step) == pytest.approx(apart, abs=0.03)  # of cells, by their lowest points
 
 
+@pytest.mark.parametrize(
+    ("kind", "noise", "returned"), [("fish_ponds", 0.1, 0.15), ("lock", 0.12, 0.4)]
+)
+def test_waters_with_a_dike_or_a_wall_between_have_levels_of_their_own(
+    kind: str, noise: float, returned: float
+) -> None:
+    """It is hardly wider than the cells in which water is looked for."""
+    made = waters.survey(kind, 1, density=0.4, noise=noise, returned=returned)
+    water = extract(made.points, bodies="all").water.frame
+    for outline, known in zip(made.outlines, made.waters, strict=True):
+        found = water.loc[shapely.area(shapely.intersection(water.geometry, outline)).argmax()]
+        assert iou(outline, found.geometry) > 0.85
+        assert abs(found.level - known.level) <= max(found.level_interval, 0.01)
+
+
+@pytest.mark.parametrize(("kind", "told"), [("leaves", True), ("calm", False)])
+def test_what_covers_a_water_is_told_and_within_its_interval(
+    kind: str, told: bool, caplog: Any
+) -> None:
+    """Leaves return each pulse, and most points are on them."""
+    made = waters.survey(kind, 1, density=0.6, noise=0.08, returned=0.3)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        found = extract(made.points)
+    assert ("where most pulses come back" in caplog.text) == told
+    assert abs(found.level - made.waters[0].level) <= found.level_interval
+
+
 @pytest.mark.parametrize(("apart", "named"), [(0.12, False), (0.12, True), (0.0, False)])
 def test_two_levels_of_unnamed_flights_are_told_and_within_the_interval(
     apart: float, named: bool, caplog: Any

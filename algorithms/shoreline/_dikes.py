@@ -1,0 +1,48 @@
+"""Waters that are one in cells, but have a dike between: it is narrower than cells are wide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from algorithms.shoreline._bodies import CREST, STEP, Body, CellGrid, waves_of, window
+
+Ints = NDArray[np.int64]
+
+
+def apart(cells: CellGrid, body: Body, least: int) -> list[Body]:
+    """The parts of a body that rows of cells with points above its waves part from one another.
+
+    Parameters
+    ----------
+    cells : see :class:`CellGrid`
+    body : a water as it was filled
+    least : cells of a part; smaller ones go to the part next to them, as do the rows between
+
+    Returns
+    -------
+    list of Body
+        The body itself if nothing parts it.
+    """
+    (top, left), wet = window(cells.lattice, body.cells, 1)
+    here = np.s_[top : top + wet.shape[0], left : left + wet.shape[1]]
+    crest = max(CREST * waves_of(cells, body.cells), STEP * cells.metre)
+    with np.errstate(invalid="ignore"):
+        dry = cells.high[here] - cells.middle[here] > crest
+    label, _ = ndimage.label(wet & ~dry)
+    sizes = np.bincount(label.ravel())
+    large = np.flatnonzero(sizes >= least)
+    large = large[large > 0]
+    if len(large) < 2:
+        return [body]
+    label[~np.isin(label, large)] = 0
+    near = ndimage.distance_transform_edt(label == 0, return_distances=False, return_indices=True)
+    label = np.where(wet, label[tuple(near)], 0)
+    parts = []
+    for number in large:
+        r, c = np.nonzero(label == number)
+        parts.append(replace(body, cells=(r + top) * cells.lattice.cols + c + left))
+    return parts

@@ -26,9 +26,7 @@ from toolbox.context import QUIET, Context
 PER_CELL = 0.35  # times k points in the usual cell, so that a window holds three times k
 PER_SQUARE = 32  # points in squares that tell how dense points are
 MOST_CELLS = 4  # per point
-MOST_IN_DOUBT = (
-    1 / 6
-)  # of the points: with more, closer looks take as long as the searches they save
+MOST_IN_DOUBT = 1 / 6  # of the points: with more, closer looks take longer than they save
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Bits = NDArray[np.int64]
@@ -64,7 +62,7 @@ def lowest_around(
         return PointTree.of(xyz, ctx=ctx), np.zeros((2, len(xyz)), np.float32)
     cells = _along_a_curve(*(math.floor(side) + 1 for side in shape))
     placed, order, edges = kernels.sort_into_cells(xyz, low[0], low[1], cell, *cells)
-    if np.diff(edges).max() > kernels.MOST * k:
+    if _crowded(edges, k) > len(xyz):
         return PointTree.of(xyz, ctx=ctx), np.zeros((2, len(xyz)), np.float32)
     ctx.progress(0.3)
     around = np.empty((2, len(xyz)), np.float32)
@@ -103,6 +101,16 @@ def _cell(xyz: Floats, low: Floats, extent: Floats, k: int) -> float:
     columns, rows = (math.floor(side) + 1 for side in extent / size)
     counts = kernels.counts(xyz, low[0], low[1], size, columns, rows)
     return float(size * math.sqrt(PER_CELL * k / np.median(counts[counts > 0])))
+
+
+def _crowded(edges: Bits, k: int) -> float:
+    """How many points a search takes as long for as for those of cells too full for a window.
+
+    There all points of a cell are compared with each other, as no curve parts them.
+    """
+    held = np.diff(edges).astype(np.float64)
+    full = held[held > kernels.MOST * k]
+    return float((full**2).sum() / (kernels.MOST * k))
 
 
 def _along_a_curve(columns: int, rows: int) -> tuple[Bits, Bits]:

@@ -43,7 +43,12 @@ def pits(rng: np.random.Generator) -> Floats:
     return np.vstack([ground, rng.uniform([0, 0, -1.6], [40, 40, -0.4], (60, 3))])
 
 
-SCENES = (meadow, forest, clumps, pits)
+def heap(rng: np.random.Generator) -> Floats:
+    """A meadow with more points in one place than any window holds."""
+    return np.vstack([meadow(rng), rng.uniform([20, 20, 0], [20.2, 20.2, 0.2], (2000, 3))])
+
+
+SCENES = (meadow, forest, clumps, pits, heap)
 FAR = np.array([[500_000.0, 6_000_000.0, 100.0]])
 
 
@@ -69,9 +74,19 @@ def test_bounds_hold(
             assert lowest[i] <= mean[away <= within[i]].min()
 
 
-def test_most_points_of_a_meadow_are_beyond_doubt() -> None:
-    _, around = lowest_around(meadow(np.random.default_rng(3)), 20, 20.0, RATIO, FEW)
-    assert np.isinf(around[0]).mean() > 0.9
+@pytest.mark.parametrize(("scene", "share"), [(meadow, 0.9), (heap, 0.8)])
+def test_most_points_of_a_meadow_are_beyond_doubt(
+    scene: Callable[[np.random.Generator], Floats], share: float
+) -> None:
+    _, around = lowest_around(scene(np.random.default_rng(3)), 20, 20.0, RATIO, FEW)
+    assert np.isinf(around[0]).mean() > share
+
+
+def test_a_heap_that_would_take_longer_than_all_else_is_searched_in_a_tree() -> None:
+    rng = np.random.default_rng(3)
+    many = rng.uniform([20, 20, 0], [20.2, 20.2, 0.2], (20_000, 3))
+    _, around = lowest_around(np.vstack([meadow(rng), many]), 20, 20.0, RATIO, FEW)
+    assert not around.any()
 
 
 @pytest.mark.parametrize("scene", SCENES)

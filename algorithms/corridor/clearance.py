@@ -575,7 +575,7 @@ class CorridorClearance:
     ) -> tuple[Violations, Least]:
         """The points that break a rule, and the nearest to each wire."""
         if not line.spans:
-            log.warning("there are no wires, so nothing is too close to one")
+            log.warning("no wire was found, so no clearance was measured")
             return Violations.none(), Least.none(len(line.states))
         return find_violations(
             surroundings.xyz,

@@ -360,7 +360,8 @@ class PlanesOpenings:
             upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
             if not upright:
                 raise DataError(
-                    f"points: {self.attribute} has no upright plane; name one with plane"
+                    f"points: no plane of {self.attribute} is upright, so there is no front: "
+                    "are they a scan of a building?"
                 )
             alone = max(upright, key=lambda k: int(sizes[k]))
         if not fronts:

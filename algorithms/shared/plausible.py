@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from algorithms.shared.kernels.squares import layers_above, numbered, tops
 from toolbox.context import log
@@ -18,6 +19,11 @@ CLEAR, LAYER = 1.0, 0.5  # metres: a layer so thick, so far above all ground of 
 TIMES = 20  # ... with so many times its points is a surface, which hides what is below it
 FEW_CELLS = 1_000_000  # as many are never too many
 MOST = 0.2  # share of the squares with ground; in real surveys it is 0.07 at most
+LOOKED_AT = 1000  # squares: shares of so many are known to 0.03
+SOME = 3  # points of ground in a square that is looked at: as many as make a plane
+DEEPEST = 200.0  # metres above the ground: beyond what two height systems differ by
+HALF, QUARTER = 0.5, 0.25  # a second layer has so many of the ground's points, and of all above it
+TWICE = 1 / 3  # share of the squares; in real surveys 0.29 at most, with a half moved 0.39 at least
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -130,8 +136,72 @@ def hidden_share(xyz: Floats, ground: Mask, metre: float) -> float:
     return float(np.mean(densest[with_ground] >= TIMES * counts[with_ground]))
 
 
+def second_layer(xyz: Floats, ground: Mask, metre: float) -> tuple[float, float]:
+    """Share of squares with a second layer at one height above the ground, and that height.
+
+    Two surveys in different height systems, or two flights that do not fit, are two surfaces at one
+    distance everywhere. Heights above the ground are those above its next point, so that slopes do
+    not matter. Crowns and roofs are at many heights, or there is no ground below them.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), the points that may be ground
+    ground : array of shape (n,), those that were found
+    metre : length of one metre in the unit of the points
+
+    Returns
+    -------
+    share from 0 to 1, and height in metres; zeros without any
+
+    Examples
+    --------
+    >>> one = np.array([[x / 2, y / 2, 100.0] for x in range(40) for y in range(40)])
+    >>> share, height = second_layer(
+    ...     np.vstack([one, one + [0.2, 0.1, 12]]), np.arange(3200) < 1600, 1.0
+    ... )
+    >>> round(share, 2), round(height, 2)
+    (1.0, 12.0)
+    """
+    _, squares = _counted_through(_cells(xyz, SQUARE * metre)[0])
+    counts = np.bincount(squares[ground], minlength=int(squares.max()) + 1)
+    chosen = np.flatnonzero(counts >= SOME)
+    if not len(chosen) or ground.all():
+        return 0.0, 0.0
+    chosen = chosen[:: -(-len(chosen) // LOOKED_AT)]
+    number = np.full(len(counts), -1)
+    number[chosen] = np.arange(len(chosen))
+    square, rise = _rises(xyz, ground, number[squares], metre)
+    layers = ((rise - CLEAR) / LAYER).astype(np.int64)
+    kept = (rise >= CLEAR) & (rise < DEEPEST)
+    if not kept.any():
+        return 0.0, 0.0
+    held = np.zeros((len(chosen), int(layers[kept].max()) + 2), np.int64)
+    np.add.at(held, (square[kept], layers[kept]), 1)
+    pairs = held[:, :-1] + held[:, 1:]  # a layer may lie across the border of two
+    least = np.maximum(HALF * counts[chosen], QUARTER * held.sum(axis=1))
+    shares = (pairs >= least[:, None]).mean(axis=0)
+    best = int(shares.argmax())
+    if shares[best] == 0.0:
+        return 0.0, 0.0
+    within = kept & (layers >= best) & (layers <= best + 1)
+    return float(shares[best]), float(np.median(rise[within]))
+
+
+def _rises(xyz: Floats, ground: Mask, square: Ints, metre: float) -> tuple[Ints, Floats]:
+    """Squares of the points that are not ground, and metres above the next ground of that square.
+
+    Points whose square is negative are not looked at.
+    """
+    used = square >= 0
+    points, square, ground = xyz[used] / metre, square[used], ground[used]
+    # Squares are put far from each other, so that the next point is of the same one.
+    places = np.column_stack([points[:, :2], square * 1e3])
+    _, next_ground = cKDTree(places[ground]).query(places[~ground])
+    return square[~ground], points[~ground, 2] - points[ground, 2][next_ground]
+
+
 def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
-    """Warn of ground that says nothing: of few points, in a wrong unit, or below a surface.
+    """Warn of ground that says nothing: few points, wrong unit, below a surface, or two surfaces.
 
     Parameters
     ----------
@@ -152,6 +222,9 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
             FEW,
         )
         return
+    if min(np.ptp(xyz[:, 0]), np.ptp(xyz[:, 1])) == 0:
+        log.warning("all points have one x or one y, which does not tell what is ground")
+        return
     if problem := height_problem(xyz, metre):
         log.warning("%s", problem)
     if (share := hidden_share(xyz, ground, metre)) > MOST:
@@ -163,6 +236,16 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
             SQUARE,
             CLEAR,
             TIMES,
+        )
+    share, height = second_layer(xyz, ground, metre)
+    if share > TWICE:
+        log.warning(
+            "in %.0f %% of the squares of %g m with ground there is a second surface %.1f m above "
+            "it: are these two surveys, or two flights, whose heights do not fit? compare them "
+            "(points.survey_quality), and keep one or mend the heights",
+            100 * share,
+            SQUARE,
+            height,
         )
 
 

@@ -181,7 +181,7 @@ def _summary(
     spans: Table,
 ) -> str:
     if not line.spans:
-        return "There are no wires, so nothing is too close to one."
+        return "No wire was found, so no clearance was measured."
     counts = {word: sum(rules[o.rule].severity == word for o in objects) for word in SEVERITIES}
     unruled, unsure = counts.pop(NO_RULE), counts.pop(UNSURE)
     found = ", ".join(f"{count} {word}" for word, count in counts.items())

@@ -14,7 +14,12 @@ from scenes.layers import cloud
 from scenes.towns import plane, town
 
 from algorithms.points.info import PointsInfo
-from algorithms.shared.plausible import height_problem, hidden_share, tell_of_ground
+from algorithms.shared.plausible import (
+    height_problem,
+    hidden_share,
+    second_layer,
+    tell_of_ground,
+)
 from toolbox import catalog
 from toolbox.data.crs import local_crs
 
@@ -140,6 +145,59 @@ def test_roofs_hide_no_ground() -> None:
     roof = np.hypot(*(xyz[:, :2] - xyz[:, :2].mean(axis=0)).T) < 15
     xyz[roof, 2] += 8
     assert hidden_share(xyz, ~roof, 1.0) < 0.2
+
+
+def two_surveys(apart: float, share: float = 0.5, tilt: float = 0.3) -> Floats:
+    """A slope with houses and woods, of which a share of the points is so much higher."""
+    rng = np.random.default_rng(5)
+    xyz = plane(60.0, 0.25, jitter=0.2, tilt=tilt)
+    east = xyz[:, 0] - xyz[:, 0].min()
+    xyz[(east < 20) & (rng.random(len(xyz)) < 0.2), 2] += 9  # roofs, with ground beside them
+    woods = (east > 45) & (rng.random(len(xyz)) < 0.8)
+    xyz[woods, 2] += rng.uniform(4, 16, np.count_nonzero(woods))
+    xyz[rng.random(len(xyz)) < share, 2] += apart
+    return xyz
+
+
+@pytest.mark.parametrize("id", FILTERS)
+def test_filters_tell_of_two_surveys_whose_heights_do_not_fit(
+    id: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert "a second surface 40.0 m above it" in warned(caplog, id, two_surveys(40.0, tilt=0.1))
+    assert "second surface" not in warned(caplog, id, two_surveys(0.0, tilt=0.1))
+
+
+@pytest.mark.parametrize(("apart", "share"), [(1.5, 0.5), (12.0, 0.5), (40.0, 0.6), (40.0, 0.35)])
+def test_a_second_layer_is_found_on_slopes_and_in_feet(apart: float, share: float) -> None:
+    xyz = two_surveys(apart, share)
+    ground = xyz[:, 2] <= two_surveys(0.0, 0.0)[:, 2]
+    ground &= np.isclose(xyz[:, 2], plane(60.0, 0.25, jitter=0.2, tilt=0.3)[:, 2])
+    for unit in (1.0, 0.3048):
+        found, height = second_layer(xyz / unit, ground, 1 / unit)
+        assert found > 0.45
+        assert height == pytest.approx(apart, abs=0.1)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.2, 0.5])
+def test_crowns_are_no_second_layer(share: float) -> None:
+    assert second_layer(*forest(share), 1.0)[0] < 0.2
+
+
+def test_squares_with_a_point_or_two_of_ground_do_not_count() -> None:
+    """As in thick woods, where too few points are left to make a second surface."""
+    one = field(40.0)
+    sparse = plane(80.0, 4.0, jitter=0.2) + np.array([400.0, 0, 0])
+    xyz = np.vstack([one, one + np.array([0, 0, 12.0]), sparse])
+    ground = np.ones(len(xyz), bool)
+    ground[len(one) : 2 * len(one)] = False
+    assert second_layer(xyz, ground, 1.0)[0] > 0.9
+
+
+def test_points_in_one_vertical_plane_do_not_tell_what_is_ground(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    for xyz in (np.full((50, 3), 7.0), [[x, 5.0, z] for x in range(9) for z in range(9)]):
+        assert "one x or one y" in warned(caplog, "ground.classify", xyz)
 
 
 def test_ground_of_which_a_part_is_hidden_is_told_from_a_fifth_on(

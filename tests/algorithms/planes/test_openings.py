@@ -201,7 +201,7 @@ def test_no_openings_and_no_facade(caplog: pytest.LogCaptureFixture) -> None:
     out = found(cloud.select(np.isin(cloud["kind"], [WALL, GROUND])))
     assert out.count == len(out.openings) == 0
     assert "has no openings" in caplog.text
-    with pytest.raises(DataError, match="no upright plane"):
+    with pytest.raises(DataError, match="no plane of plane_id is upright"):
         found(cloud.select(cloud["kind"] == GROUND))
     with pytest.raises(DataError, match="none is on plane 99"):
         found(cloud, plane=99)

@@ -71,7 +71,7 @@ def _side(xyz, own, near, values, found, plants):
 def judge(first, last, xyz, box, depth, points, around, mean, farthest, k, reach, rule, verdict):
     """Fill in the verdicts on the points first..last of those that are in doubt.
 
-    `mean` and `farthest` hold the distances to the k[0] nearest, 0 where these are still to be
+    `mean` and `farthest` hold the distances to the k[0] nearest, NaN where these are still to be
     found. `around` has two rows: a number below the mean distances of all points within a distance,
     and that distance. `rule` holds the threshold, the least deviation as a share of what is usual,
     the least number of neighbours, and the height of plants; `k` is the number of neighbours that
@@ -86,7 +86,7 @@ def judge(first, last, xyz, box, depth, points, around, mean, farthest, k, reach
         own = points[i]
         leaf = tree.leaf_of(own, depth, len(xyz))
         before = points[i - 1] if i > first else own
-        fresh = mean[own] == 0.0
+        fresh = np.isnan(mean[own])
         # No point is noise below this; for most the lowest value around them decides.
         least = _mean(own, before, search, mean, farthest) / (1.0 + threshold * share)
         beyond = farthest[own] >= reach
@@ -125,9 +125,9 @@ def _mean(own, other, search, mean, farthest):
     The farthest of these is kept as well. `other` is a point near by whose mean may be known.
     Two threads that need the mean of one point find the same.
     """
-    if mean[own] == 0.0:
+    if np.isnan(mean[own]):
         xyz, box, depth, reach, far, held, held_away = search
-        known = -1 if other == own or mean[other] == 0.0 else other
+        known = -1 if other == own or np.isnan(mean[other]) else other
         leaf = tree.leaf_of(own, depth, len(xyz))
         mean[own], farthest[own] = tree.mean_distance(
             xyz, box, depth, leaf, own, known, farthest, reach, far, held, held_away

@@ -278,7 +278,7 @@ def _beside_neighbours(
         around, mean, farthest = _all_means(tree, k, reach, ctx.part(0.4, 0.9))
         points = np.arange(n)
     else:
-        mean, farthest = np.zeros(n), np.zeros(n)  # which takes no memory until it is used
+        mean, farthest = np.full(n, np.nan), np.zeros(n)  # zeros take no memory until they are used
     verdict = np.zeros(n, np.uint8)
     side_by_side(
         kernels.judge,

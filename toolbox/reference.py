@@ -147,9 +147,8 @@ def figures() -> dict[str, Any]:
 def tried(spec: Spec) -> str:
     """The section of a page on the real surveys of its tests, and what explains its limits."""
     names = yaml.safe_load(SURVEYS.read_text(encoding="utf-8"))
-    texts = [path.read_text(encoding="utf-8") for path in sorted(TESTS.rglob("test_*.py"))]
     own = re.compile(rf'"{re.escape(spec.id)}"|\b{spec.make.__name__}\b')
-    used = "".join(text for text in texts if own.search(text))
+    used = "".join(text for text in _texts(TESTS, "test_*.py").values() if own.search(text))
     found = [name for name in sorted(names) if re.search(rf"[\"/]{name}[\"/]", used)]
     lines = ["## Where it was tried", "", "Its own tests use sample surveys with known truth"]
     lines[-1] += ", and these real ones:\n" if found else " alone."
@@ -161,9 +160,17 @@ def tried(spec: Spec) -> str:
 
 def _pages_on(id: str) -> list[Path]:
     """The explanations that speak of a tool, those that do so most first."""
-    pages = [path for path in sorted(PAGES.glob("*.md")) if path.name not in OF_HOUSE]
-    counts = {path: path.read_text(encoding="utf-8").count(f"`{id}`") for path in pages}
+    pages = {
+        path: text for path, text in _texts(PAGES, "*.md").items() if path.name not in OF_HOUSE
+    }
+    counts = {path: text.count(f"`{id}`") for path, text in pages.items()}
     return sorted(filter(counts.get, pages), key=lambda path: -counts[path])[:MOST_PAGES]
+
+
+@functools.cache
+def _texts(folder: Path, pattern: str) -> dict[Path, str]:
+    """The texts of the files below a folder, in the order of their paths."""
+    return {path: path.read_text(encoding="utf-8") for path in sorted(folder.rglob(pattern))}
 
 
 def _heading(page: Path) -> str:

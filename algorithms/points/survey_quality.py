@@ -176,7 +176,8 @@ class PointsSurveyQuality:
         place = row.astype(np.int64) * lattice.cols + col
         size = lattice.rows * lattice.cols
         ctx.progress(0.3)
-        whole = Density.of(place, first, lattice, metre)
+        area = (lattice.cell / metre) ** 2
+        whole = Density.of(row, col, first, area, lattice.shape)
         numbers = strips_in(place, strip, size).reshape(lattice.shape)
         ctx.progress(0.6)
         classes = _attribute(cloud, "classification", taken, 0)
@@ -195,10 +196,9 @@ class PointsSurveyQuality:
         known = np.unique(strip)
         rows = [{"strip": "all", **whole.told()}]
         if len(known) > 1:
-            own = (
-                Density.of(place[i], first[i], lattice, metre) for i in (strip == n for n in known)
-            )
-            rows += [{"strip": str(n), **d.told()} for n, d in zip(known, own, strict=True)]
+            for number, own in rows_of(strip):
+                strip_alone = Density.around(row[own], col[own], first[own], area)
+                rows.append({"strip": str(number), **strip_alone.told()})
         if len(known) < 2:
             log.warning("all points have one %s: strips are not told apart", STRIP)
         rms = pairs.attrs["rms"]
@@ -250,24 +250,37 @@ class Density:
     area: float
 
     @classmethod
-    def of(cls, place: Ints, first: NDArray[np.bool_], lattice: Lattice, metre: float) -> Density:
+    def of(
+        cls, row: Ints, col: Ints, first: NDArray[np.bool_], area: float, shape: tuple[int, int]
+    ) -> Density:
         """Count points by cell.
 
         Parameters
         ----------
-        place : array of shape (n,), cell of each point
+        row, col : arrays of shape (n,), cell of each point
         first : array of shape (n,), whether it is a first return
-        metre : length of the metre in the unit of the lattice
+        area : of a cell, in square metres
+        shape : numbers of rows and columns
         """
-        size = lattice.rows * lattice.cols
-        counts = np.bincount(place[first], minlength=size).reshape(lattice.shape)
-        there = np.bincount(place, minlength=size).reshape(lattice.shape) > 0
-        return cls(counts, there, within_data(there), (lattice.cell / metre) ** 2)
+        place, size = row.astype(np.int64) * shape[1] + col, shape[0] * shape[1]
+        counts = np.bincount(place[first], minlength=size).reshape(shape)
+        there = np.bincount(place, minlength=size).reshape(shape) > 0
+        return cls(counts, there, within_data(there), area)
+
+    @classmethod
+    def around(cls, row: Ints, col: Ints, first: NDArray[np.bool_], area: float) -> Density:
+        """As :meth:`of`, in the cells around the points alone: a strip is a part of a survey."""
+        row, col = row - row.min(), col - col.min()
+        return cls.of(row, col, first, area, (int(row.max()) + 1, int(col.max()) + 1))
 
     @property
     def is_narrow(self) -> bool:
         """Whether the data covers all cells in part alone."""
-        return not surrounded(self.inside).any()
+        return not self._surrounded.any()
+
+    @cached_property
+    def _surrounded(self) -> NDArray[np.bool_]:
+        return surrounded(self.inside)
 
     @cached_property
     def density(self) -> Array:
@@ -277,7 +290,7 @@ class Density:
     @cached_property
     def full(self) -> Array:
         """The densities of the cells that the data covers, or of all if there are none."""
-        return self.density[self.inside if self.is_narrow else surrounded(self.inside)]
+        return self.density[self.inside if self.is_narrow else self._surrounded]
 
     @property
     def mean(self) -> float:
@@ -399,6 +412,13 @@ def surrounded(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     for axis in (0, 1):
         wide = wide & np.roll(wide, 1, axis) & np.roll(wide, -1, axis)
     return wide[1:-1, 1:-1]
+
+
+def rows_of(strip: Ints) -> Iterator[tuple[int, Ints]]:
+    """Each number of a strip, in order, and the indices of its points."""
+    order = np.argsort(strip, kind="stable")
+    numbers, begins = np.unique(strip[order], return_index=True)
+    yield from zip(numbers.tolist(), np.split(order, begins[1:]), strict=True)
 
 
 def strips_in(place: Ints, strip: Ints, size: int) -> Ints:

@@ -99,7 +99,12 @@ def _inner_spreads(cells: Ints, z: Floats) -> Floats:
     return np.asarray(z[first + counts - 1 - tenth] - z[first + tenth])
 
 
-def hidden_share(xyz: Floats, ground: Mask, metre: float) -> float:
+def squares_of(xyz: Floats, metre: float) -> Ints:
+    """Number from 0 of the square of :data:`SQUARE` metres in which each of n points lies."""
+    return _counted_through(_cells(xyz, SQUARE * metre)[0])[1]
+
+
+def hidden_share(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> float:
     """Share of the squares with ground in which a surface above it hides it; 0 without any.
 
     Ground is part of a surface, and under plants, which are spread in height, it still is the
@@ -111,6 +116,7 @@ def hidden_share(xyz: Floats, ground: Mask, metre: float) -> float:
     ----------
     xyz : array of shape (n, 3), the points that may be ground
     ground : array of shape (n,), those that were found
+    squares : array of shape (n,), see :func:`squares_of`
     metre : length of one metre in the unit of the points
 
     Examples
@@ -118,14 +124,13 @@ def hidden_share(xyz: Floats, ground: Mask, metre: float) -> float:
     >>> xyz = np.array([[x / 4, y / 4, 100.0] for x in range(80) for y in range(80)])
     >>> ground = np.arange(6400) % 100 == 0
     >>> xyz[ground, 2] -= 5
-    >>> hidden_share(xyz, ground, 1.0)
+    >>> hidden_share(xyz, ground, squares_of(xyz, 1.0), 1.0)
     1.0
-    >>> hidden_share(xyz, ~ground, 1.0)
+    >>> hidden_share(xyz, ~ground, squares_of(xyz, 1.0), 1.0)
     0.0
     """
     if not ground.any():
         return 0.0
-    _, squares = _counted_through(_cells(xyz, SQUARE * metre)[0])
     counts, top = tops(squares, ground, xyz, int(squares.max()) + 1)
     above, layers = layers_above(squares, xyz, top, metre, CLEAR, LAYER)
     span = int(layers.max(initial=0)) + 1
@@ -136,7 +141,7 @@ def hidden_share(xyz: Floats, ground: Mask, metre: float) -> float:
     return float(np.mean(densest[with_ground] >= TIMES * counts[with_ground]))
 
 
-def second_layer(xyz: Floats, ground: Mask, metre: float) -> tuple[float, float]:
+def second_layer(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> tuple[float, float]:
     """Share of squares with a second layer at one height above the ground, and that height.
 
     Two surveys in different height systems, or two flights that do not fit, are two surfaces at one
@@ -147,6 +152,7 @@ def second_layer(xyz: Floats, ground: Mask, metre: float) -> tuple[float, float]
     ----------
     xyz : array of shape (n, 3), the points that may be ground
     ground : array of shape (n,), those that were found
+    squares : array of shape (n,), see :func:`squares_of`
     metre : length of one metre in the unit of the points
 
     Returns
@@ -156,13 +162,11 @@ def second_layer(xyz: Floats, ground: Mask, metre: float) -> tuple[float, float]
     Examples
     --------
     >>> one = np.array([[x / 2, y / 2, 100.0] for x in range(40) for y in range(40)])
-    >>> share, height = second_layer(
-    ...     np.vstack([one, one + [0.2, 0.1, 12]]), np.arange(3200) < 1600, 1.0
-    ... )
+    >>> both, ground = np.vstack([one, one + [0.2, 0.1, 12]]), np.arange(3200) < 1600
+    >>> share, height = second_layer(both, ground, squares_of(both, 1.0), 1.0)
     >>> round(share, 2), round(height, 2)
     (1.0, 12.0)
     """
-    _, squares = _counted_through(_cells(xyz, SQUARE * metre)[0])
     counts = np.bincount(squares[ground], minlength=int(squares.max()) + 1)
     chosen = np.flatnonzero(counts >= SOME)
     if not len(chosen) or ground.all():
@@ -227,7 +231,8 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
         return
     if problem := height_problem(xyz, metre):
         log.warning("%s", problem)
-    if (share := hidden_share(xyz, ground, metre)) > MOST:
+    squares = squares_of(xyz, metre)
+    if (share := hidden_share(xyz, ground, squares, metre)) > MOST:
         log.warning(
             "the ground that was found is probably noise below the ground: in %.0f %% of the "
             "squares of %g m that have any, a layer more than %g m above it has at least %d times "
@@ -237,7 +242,7 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
             CLEAR,
             TIMES,
         )
-    share, height = second_layer(xyz, ground, metre)
+    share, height = second_layer(xyz, ground, squares, metre)
     if share > TWICE:
         log.warning(
             "in %.0f %% of the squares of %g m with ground there is a second surface %.1f m above "

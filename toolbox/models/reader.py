@@ -29,8 +29,8 @@ from toolbox.models.model import INPUTS, Condition, Link, Model, Reference, Step
 MODEL_WORDS = ("id", "title", "summary", "help", "tags", "inputs", "steps", "outputs", "deliver")
 NEEDED = ("id", "title", "steps", "outputs")
 DELIVER_WORDS = ("steps", "files")
-FILE_WORDS = ("file", "from", "help")  # of a file of the set, beside the options of writing it
-IN_REPORT = "in_report"
+FILE_NEEDS, IN_REPORT = ("file", "from", "help"), "in_report"  # of a file of the set ...
+FILE_WORDS = (*FILE_NEEDS, IN_REPORT)  # ... beside the options of writing it
 STEP_WORDS = ("tool", "when", "repeat")  # of a step, beside the parameters of its tool
 ID = re.compile(rf"{NAME.pattern}(\.{NAME.pattern})+")
 
@@ -141,24 +141,21 @@ class _ModelFile:
         made: list[Delivered] = []
         for number, one in enumerate(said, start=1):
             where = f"deliver.files {number}"
-            if missing := word_problems(
-                where, one, (*FILE_WORDS, IN_REPORT, *OPTIONS), needed=FILE_WORDS
-            ):
+            if missing := word_problems(where, one, (*FILE_WORDS, *OPTIONS), needed=FILE_NEEDS):
                 self.problems |= missing
                 continue
             in_report = one.get(IN_REPORT, False)
             if not isinstance(in_report, bool):
                 self.problems[where] = f"{IN_REPORT} must be true or false, got {short(in_report)}"
                 continue
-            words = (*FILE_WORDS, IN_REPORT)
-            options = {name: value for name, value in one.items() if name not in words}
-            file, output, help = (str(one[word]) for word in FILE_WORDS)
-            made_of = Delivered(file, output, help, options, in_report)
-            if problem := None if self._excused(made_of.output) else made_of.problem(kinds):
+            options = {name: value for name, value in one.items() if name not in FILE_WORDS}
+            name, output, help = (str(one[word]) for word in FILE_NEEDS)
+            file = Delivered(name, output, help, options, in_report)
+            if problem := None if self._excused(file.output) else file.problem(kinds):
                 self.problems[where] = problem
-            elif made_of.key in {other.key for other in made}:
-                self.problems[where] = f"{made_of.key!r} is declared twice"
-            made.append(made_of)
+            elif file.key in {other.key for other in made}:
+                self.problems[where] = f"{file.key!r} is declared twice"
+            made.append(file)
         return tuple(made)
 
     def _tags(self, said: Any) -> tuple[str, ...]:

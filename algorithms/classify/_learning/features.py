@@ -168,7 +168,7 @@ def _of_radii(
         yield from ((name, radius, found[name]) for name in bases)
     if not of_columns:
         return
-    measured = _measured(cloud, single, of_columns, np.asarray(bent, float))
+    measured = _measured(cloud, xyz, single, of_columns, np.asarray(bent, float))
     for radius, bases in columns_of.items():
         if bases:
             made = columns.features(measured, radius, bases)
@@ -185,8 +185,10 @@ def _local(
     return {name: values[place] for name, values in made.items()}
 
 
-def _measured(cloud: PointCloud, single: PointFeatures, bases: set[str], bent: Floats) -> Measured:
-    """What columns need of the points; heights are only looked for if a feature asks for them."""
+def _measured(
+    cloud: PointCloud, xyz: Floats, single: PointFeatures, bases: set[str], bent: Floats
+) -> Measured:
+    """What columns need of points (xyz in metres); heights only if a feature asks for them."""
     count = len(cloud)
     ground, height = np.zeros(count, bool), np.zeros(count)
     if bases - WITHOUT_HEIGHTS:
@@ -194,7 +196,7 @@ def _measured(cloud: PointCloud, single: PointFeatures, bases: set[str], bent: F
         height = np.asarray(height, float)
     passing = single.let_through if has_numbers(cloud) else np.zeros(count, bool)
     light = np.asarray(cloud["intensity"], float) if "intensity" in cloud else np.zeros(count)
-    return Measured(cloud.xyz / cloud.metre, height, ground, passing, light, bent)
+    return Measured(xyz, height, ground, passing, light, bent)
 
 
 def voxel_means(xyz: Floats, side: float) -> tuple[Floats, NDArray[np.int64]]:

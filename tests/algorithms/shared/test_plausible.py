@@ -18,6 +18,7 @@ from algorithms.shared.plausible import (
     height_problem,
     hidden_share,
     second_layer,
+    squares_of,
     tell_of_ground,
 )
 from toolbox import catalog
@@ -129,22 +130,25 @@ def test_filters_tell_that_a_surface_hides_their_ground(
 
 def test_the_share_of_hidden_ground() -> None:
     xyz, low = with_low_noise(0.01)
-    assert hidden_share(xyz, low, 1.0) > 0.95
-    assert hidden_share(xyz / 0.3048, low, 1 / 0.3048) > 0.95
-    assert hidden_share(xyz, ~low, 1.0) == 0
-    assert hidden_share(xyz, low & False, 1.0) == 0
+    squares = squares_of(xyz, 1.0)
+    assert hidden_share(xyz, low, squares, 1.0) > 0.95
+    feet, metre = xyz / 0.3048, 1 / 0.3048
+    assert hidden_share(feet, low, squares_of(feet, metre), metre) > 0.95
+    assert hidden_share(xyz, ~low, squares, 1.0) == 0
+    assert hidden_share(xyz, low & False, squares, 1.0) == 0
 
 
 @pytest.mark.parametrize("share", [0.02, 0.05, 0.2])
 def test_crowns_hide_no_ground(share: float) -> None:
-    assert hidden_share(*forest(share), 1.0) < 0.1
+    xyz, ground = forest(share)
+    assert hidden_share(xyz, ground, squares_of(xyz, 1.0), 1.0) < 0.1
 
 
 def test_roofs_hide_no_ground() -> None:
     xyz = field()
     roof = np.hypot(*(xyz[:, :2] - xyz[:, :2].mean(axis=0)).T) < 15
     xyz[roof, 2] += 8
-    assert hidden_share(xyz, ~roof, 1.0) < 0.2
+    assert hidden_share(xyz, ~roof, squares_of(xyz, 1.0), 1.0) < 0.2
 
 
 def two_surveys(apart: float, share: float = 0.5, tilt: float = 0.3) -> Floats:
@@ -173,14 +177,16 @@ def test_a_second_layer_is_found_on_slopes_and_in_feet(apart: float, share: floa
     ground = xyz[:, 2] <= two_surveys(0.0, 0.0)[:, 2]
     ground &= np.isclose(xyz[:, 2], plane(60.0, 0.25, jitter=0.2, tilt=0.3)[:, 2])
     for unit in (1.0, 0.3048):
-        found, height = second_layer(xyz / unit, ground, 1 / unit)
+        points, metre = xyz / unit, 1 / unit
+        found, height = second_layer(points, ground, squares_of(points, metre), metre)
         assert found > 0.45
         assert height == pytest.approx(apart, abs=0.1)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.05, 0.2, 0.5])
 def test_crowns_are_no_second_layer(share: float) -> None:
-    assert second_layer(*forest(share), 1.0)[0] < 0.2
+    xyz, ground = forest(share)
+    assert second_layer(xyz, ground, squares_of(xyz, 1.0), 1.0)[0] < 0.2
 
 
 def test_squares_with_a_point_or_two_of_ground_do_not_count() -> None:
@@ -190,7 +196,7 @@ def test_squares_with_a_point_or_two_of_ground_do_not_count() -> None:
     xyz = np.vstack([one, one + np.array([0, 0, 12.0]), sparse])
     ground = np.ones(len(xyz), bool)
     ground[len(one) : 2 * len(one)] = False
-    assert second_layer(xyz, ground, 1.0)[0] > 0.9
+    assert second_layer(xyz, ground, squares_of(xyz, 1.0), 1.0)[0] > 0.9
 
 
 def test_points_in_one_vertical_plane_do_not_tell_what_is_ground(

@@ -1,8 +1,8 @@
 // What a report does in a browser: tables that are sorted and unfolded, a map, a view in space.
 // Without this script, or without WebGL, the pictures and all rows are there all the same.
 "use strict";
-  const words = JSON.parse(document.getElementById("words")?.textContent ?? "{}"), word = (text) => words[text] ?? text;
 (() => {
+  const words = JSON.parse(document.getElementById("words")?.textContent ?? "{}"), word = (text) => words[text] ?? text;
   document.documentElement.classList.add("js");
   const make = (tag, set = {}, ...inside) => {
     const made = Object.assign(document.createElement(tag), set);

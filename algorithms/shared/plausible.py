@@ -100,7 +100,22 @@ def _inner_spreads(cells: Ints, z: Floats) -> Floats:
 
 
 def squares_of(xyz: Floats, metre: float) -> Ints:
-    """Number from 0 of the square of :data:`SQUARE` metres in which each of n points lies."""
+    """Number from 0 of the square of :data:`SQUARE` metres in which each of n points lies.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), in the unit of the data
+    metre : length of one metre in that unit
+
+    Returns
+    -------
+    array of shape (n,)
+
+    Examples
+    --------
+    >>> squares_of(np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.5, 0.0, 9.0]]), 1.0)
+    array([0, 1, 0])
+    """
     return _counted_through(_cells(xyz, SQUARE * metre)[0])[1]
 
 

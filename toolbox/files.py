@@ -94,16 +94,34 @@ def _wrong_format(path: Path, suffixes: tuple[str, ...]) -> str | None:
 
 
 def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:
-    folder = files[0].parent
+    if text := folder_problem(files[0].parent):
+        return text
     there = [own for own in files if own.exists()]
-    if not folder.is_dir():
-        return f"there is no folder {folder}"
-    if not os.access(folder, os.W_OK | os.X_OK):
-        return f"no permission to write in folder {folder}"
     if folders := [own for own in there if own.is_dir()]:
         return f"{folders[0]} is a folder"
     if there and not overwrite:
         return f"{there[0]} exists; allow it with --overwrite"
+    return None
+
+
+def folder_problem(folder: Path) -> str | None:
+    """Why nothing can be written in a folder; None if something can, which is tried.
+
+    Permissions alone do not tell: a drive may be there for reading only, or its server refuse.
+    """
+    try:
+        there = next(path for path in (folder, *folder.parents) if path.exists())
+        if not there.is_dir():
+            return f"{there} is a file, not a folder"
+        if there != folder:
+            return f"there is no folder {folder}"
+        trial = Path(tempfile.mkdtemp(prefix=moves.PREFIX, dir=folder))
+        with suppress(FileNotFoundError):  # another run has taken it for left behind
+            trial.rmdir()
+    except PermissionError:
+        return f"no permission to write in folder {folder}"
+    except OSError as err:
+        return f"nothing can be written in folder {folder}: {err.strerror}"
     return None
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -77,6 +79,34 @@ def test_folder_is_refused(tmp_path: Path) -> None:
 def test_no_permission(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     assert "no permission" in str(check(tmp_path / "a.laz"))
+
+
+def test_a_path_below_a_file_names_the_file(tmp_path: Path) -> None:
+    (tmp_path / "town.laz").write_text("points")
+    for name in ("town.laz/a.laz", "town.laz/deep/a.laz"):
+        assert check(tmp_path / name) == f"{tmp_path / 'town.laz'} is a file, not a folder"
+
+
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        (OSError(errno.EROFS, "Read-only file system"), "nothing .* in folder .*: Read-only"),
+        (PermissionError(errno.EPERM, "Operation not permitted"), "no permission to write"),
+    ],
+)
+def test_what_permissions_do_not_tell_is_tried(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: OSError, says: str
+) -> None:
+    def refuse(**_: object) -> str:
+        raise error
+
+    monkeypatch.setattr(files.tempfile, "mkdtemp", refuse)
+    assert re.match(says, str(check(tmp_path / "a.laz")))
+
+
+def test_a_trial_leaves_nothing_behind(tmp_path: Path) -> None:
+    assert files.folder_problem(tmp_path) is None
+    assert not list(tmp_path.iterdir())
 
 
 def test_input_is_refused_under_any_name(tmp_path: Path) -> None:

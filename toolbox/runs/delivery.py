@@ -7,7 +7,6 @@ Which results it holds, in which formats and under which names, is declared in t
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
@@ -110,12 +109,8 @@ def tell_missing(writes: Mapping[str, Target]) -> None:
 def _folder_problem(folder: Path) -> str | None:
     """Why nothing can be written in a folder that may have to be made; None if it can."""
     if folder.exists():
-        return None if folder.is_dir() else f"{folder} is a file, not a folder"
-    if not folder.parent.is_dir():
-        return f"there is no folder {folder.parent}"
-    if not os.access(folder.parent, os.W_OK | os.X_OK):
-        return f"no permission to write in folder {folder.parent}"
-    return None
+        return files.folder_problem(folder)
+    return files.folder_problem(folder.parent)
 
 
 def _of_set(writes: Mapping[str, Target]) -> dict[str, Target]:

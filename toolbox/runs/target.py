@@ -338,13 +338,22 @@ def write(
                 _save_all(spec, group, record, staged[resolved], part)
             ctx.progress(1.0)
     except OSError as err:
-        raise DataError(f"{spec.id}: cannot write: {err}") from err
+        raise _unwritten(spec.id, groups, err) from err
     written: dict[str, Any] = {}
     for piece in pieces:
         path = piece.target.path
         several = isinstance(found.get(piece.output), tuple)
         written[piece.name] = (*written.get(piece.name, ()), path) if several else path
     return written
+
+
+def _unwritten(id: str, groups: Mapping[Path, list[_Piece]], err: OSError) -> DataError:
+    """The error of files that cannot be put in their places: which results they are, and why."""
+    folders = Path(err.filename).parents if err.filename else [path.parent for path in groups]
+    names = [p.name for path, group in groups.items() for p in group if path.parent in folders]
+    if not names:
+        return DataError(f"{id}: cannot write: {err}")
+    return DataError(id, dict.fromkeys(names, f"cannot write: {err}"))
 
 
 def names_of(targets: Iterable[Target]) -> dict[str, str]:

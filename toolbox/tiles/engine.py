@@ -197,8 +197,9 @@ def _check_products(
             one, other = paths[twin.file or 0], paths[product.file or 0]
             problems[product.output] = f"{one} and {other} would both become {product.resolved}"
         twins[product.resolved] = product
-        if not product.resolved.parent.parent.is_dir():
-            problems[product.output] = f"there is no folder {product.resolved.parent.parent}"
+        parent = product.resolved.parent
+        if not parent.is_dir() and (text := files.folder_problem(parent.parent)):
+            problems[product.output] = text
     if problems:
         raise ParameterError(id, problems)
     reads = [file.path for survey in surveys.values() for file in survey.files]

@@ -202,6 +202,7 @@ def test_files_there_are_not_replaced(model: str, points: Path, tmp_path: Path) 
     [
         ("no/where/out", "there is no folder"),
         ("hill.laz", "is a file, not a folder"),
+        ("hill.laz/out", r"hill\.laz is a file, not a folder"),
         ("", "path of a folder"),
     ],
 )

@@ -24,6 +24,7 @@ from toolbox.language import FOLDER
 CODE = Path(__file__).parent
 SILENT = (
     "qgis/plugin",
+    "qgis/published",
     "declare/spec",
     "corridor/_settings",
     "toolbox/reference",
@@ -33,10 +34,14 @@ SILENT = (
 )
 ELSEWHERE = ("source", "param", "sink", "text", "compile", "add_argument")
 WORD, FEW = re.compile(r"[A-Za-z]{2,}"), 2  # of so many words a text is hardly one
-NO_TEXT = re.compile(r"</|<\w|SELECT |CREATE |PRAGMA|==|::|^\S+$|^\w+(,\s?\w+)*$|[A-Z]{4,}\[")
+NO_TEXT = re.compile(  # tags, SQL, code, names, paths, styles
+    r"</|<\w|SELECT |CREATE |PRAGMA|INSERT |VALUES |==|::|;;|^\S+$|^\w+(,\s?\w+)*$|[A-Z]{4,}\["
+    r"|^import |^from \w+\.|^python -m |^~/|^[A-Z]:\\|stroke-|proj=|^image/|^'crs'"
+)
 ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")[^"]+(?="\))')
 PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
 HEADS = ("Coordinates", "Made with", "Map", "Files", "Drawings", "Left out")  # of one word
+FAULTS = ("AssertionError", "AttributeError", "TypeError")  # of code, told to who writes it
 PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")
 VALUE = re.compile(r"\{\d+\}")
 # what a translation must hold as it is: `names`, {places}, %s, --options, ids of tools
@@ -80,26 +85,32 @@ def of_code() -> list[str]:
 
 def of_told() -> list[str]:
     """All texts that warnings, errors and reports may say: of some words, with marks for values."""
+    told = dict.fromkeys(" ".join(text.split()) for text in pieces())
+    elsewhere = {*of_tools(), *of_code()}
+    heads = [*PROBLEMS, *HEADS, *CLASSES.values()]
+    return list(dict.fromkeys(text for text in [*told, *heads] if text not in elsewhere))
+
+
+def pieces() -> list[str]:
+    """The texts of `of_told` with the blanks of the code, each once, in the order of the code."""
     found: dict[str, None] = {}
     for folder in (CODE, CODE.parent / "algorithms"):
         for path in sorted(folder.rglob("*.py")):
             if not any(part in path.as_posix() for part in SILENT):
                 tree = ast.parse(path.read_text(encoding="utf-8"))
-                found |= dict.fromkeys(_told_by(tree))
-    elsewhere = {*of_tools(), *of_code()}
-    heads = [*PROBLEMS, *HEADS, *CLASSES.values()]
-    return list(dict.fromkeys(text for text in [*found, *heads] if text not in elsewhere))
+                found |= dict.fromkeys(_told_by(tree, "report" in path.as_posix()))
+    return list(found)
 
 
-def _told_by(tree: ast.AST) -> Iterator[str]:
+def _told_by(tree: ast.AST, reports: bool) -> Iterator[str]:
     """The texts of a module that people may read, in the order of the code."""
     silent = {id(part) for node in ast.walk(tree) for part in _silent_in(node)}
-    short = {id(part) for node in ast.walk(tree) for part in _headings_in(node)}
+    short = {id(part) for node in ast.walk(tree) for part in _headings_in(node, reports)}
     for node in ast.walk(tree):
         if id(node) in silent or (text := _with_marks(node)) is None:
             continue
         words = WORD.findall(VALUE.sub(" ", text))
-        is_text = len(words) > FEW and not NO_TEXT.search(text)
+        is_text = len(words) > FEW and not NO_TEXT.search(" ".join(text.split()))
         if is_text or (id(node) in short and words):
             yield text
 
@@ -111,26 +122,33 @@ def _silent_in(node: ast.AST) -> Iterator[ast.AST]:
         yield from (s.value for s in body if isinstance(s, ast.Expr))  # docstrings
     if isinstance(node, ast.JoinedStr):
         yield from node.values
+    if isinstance(node, ast.Raise) and node.exc and _is_call(node.exc, *FAULTS):
+        yield from ast.walk(node)
     if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ELSEWHERE:
         inside = list(ast.walk(node))
         columns = {id(p) for call in inside if _is_call(call, "Column") for p in ast.walk(call)}
         yield from (part for part in inside if id(part) not in columns)
 
 
-def _headings_in(node: ast.AST) -> Iterator[ast.AST]:
+def _headings_in(node: ast.AST, reports: bool) -> Iterator[ast.AST]:
     """Texts that may be of one word: headings of sections, columns and facts."""
     if _is_call(node, "Column", "Section", "Rows", "Figure"):
         yield from (part for arg in ast.iter_child_nodes(node) for part in _plain(arg))
-    if isinstance(node, ast.Dict):
+    if isinstance(node, ast.Dict) and reports:  # elsewhere names that other programs ask for
         keys = [k.value for k in node.keys if isinstance(k, ast.Constant)]
+        named = [k for k, v in zip(node.keys, node.values, strict=True) if not _is_none(v)]
         if keys and all(isinstance(key, str) and key[:1].isupper() for key in keys):
-            yield from filter(None, node.keys)
+            yield from filter(None, named)
 
 
 def _plain(arg: ast.AST) -> Iterator[ast.AST]:
     value = arg.value if isinstance(arg, ast.keyword) else arg
     if not isinstance(arg, ast.keyword) or arg.arg in ("heading", "meaning", "caption", "title"):
         yield value
+
+
+def _is_none(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and node.value is None
 
 
 def _is_call(node: ast.AST, *names: str) -> bool:
@@ -146,7 +164,7 @@ def _with_marks(node: ast.AST) -> str | None:
     else:
         return None
     number = itertools.count(1)
-    return " ".join(re.sub("\0", lambda _: f"{{{next(number)}}}", text).split())
+    return re.sub("\0", lambda _: f"{{{next(number)}}}", text)
 
 
 def update(path: Path, texts: Iterable[str], code: str) -> polib.POFile:

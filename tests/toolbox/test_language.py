@@ -150,6 +150,21 @@ def test_texts_that_are_told_are_in_the_code(code: str) -> None:
     assert len(said & known) >= TOLD[code]
 
 
+def test_what_machines_read_is_no_text() -> None:
+    texts = set(translations.of_told())
+    machines = {"Software", "VERSION", "Polygon", "PYTHONPATH", "easting,east", "LENGTH"}
+    assert not machines & texts
+    codes = ("INSERT", "proj=", "stroke-", "import toolbox", ";;", "C:\\", "metadata.txt")
+    assert not [text for text in texts if any(code in text for code in codes)]
+    assert {"Client", "{1} cannot be read", "the server cannot be reached"} <= texts
+
+
+def test_texts_are_written_in_one_piece() -> None:
+    """A sentence that is put together of halves would be found by neither."""
+    bare = [text for text in translations.pieces() if text.rstrip()[-1:] not in ";:."]
+    assert not [text for text in bare if text.endswith(" ") and " " in text.strip()]
+
+
 def test_a_report_speaks_the_language_of_its_user(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = Rows(Table.from_rows([{"kind": "tree", "seen": True, "points": 0.25}]))
     report = Report("Quality of a survey", [Section("Spans", [rows])], summary="None.")

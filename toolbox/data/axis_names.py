@@ -14,11 +14,11 @@ from collections.abc import Sequence
 AXES = ("x", "y", "z")
 
 _WORDS = {  # English, German, Turkish
-    "x": "easting east eastings xcoordinate xcoord rechtswert ostwert saga sagadeger dogu",
-    "y": "northing north northings ycoordinate ycoord hochwert nordwert yukari yukarideger kuzey",
-    "z": "elevation height altitude elev zcoordinate zcoord hohe hoehe kot yukseklik",
+    "x": "easting,east,eastings,xcoordinate,xcoord,rechtswert,ostwert,saga,sagadeger,dogu",
+    "y": "northing,north,northings,ycoordinate,ycoord,hochwert,nordwert,yukari,yukarideger,kuzey",
+    "z": "elevation,height,altitude,elev,zcoordinate,zcoord,hohe,hoehe,kot,yukseklik",
 }
-_AXIS = {word: axis for axis, words in _WORDS.items() for word in words.split()}
+_AXIS = {word: axis for axis, words in _WORDS.items() for word in words.split(",")}
 _LETTERS = {"e": "x", "n": "y", "h": "z"}  # where easting and northing are there as such letters
 
 

@@ -43,9 +43,10 @@ LOCALS = {
 }
 """The engineering CRS for each text that a user may give, also in other units."""
 
-_FORMS = "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), 'EPSG:2154+ellipsoid' (with heights "
-_FORMS += "above the ellipsoid), a WKT text, or 'local'"
-_FORMS += " (plain metres; local:mm, local:cm, local:ft)"
+_FORMS = (
+    "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), 'EPSG:2154+ellipsoid' (with heights above "
+    "the ellipsoid), a WKT text, or 'local' (plain metres; local:mm, local:cm, local:ft)"
+)
 _CODE = re.compile(r"[A-Za-z]\w*:\w+(\+\w+)?")
 _NUMBER = re.compile(r"\d{4,5}(\+(\d{4,5}|ellipsoid))?", re.I)  # codes of EPSG, said without it
 ABOVE_ELLIPSOID = "above the ellipsoid"

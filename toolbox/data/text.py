@@ -27,28 +27,28 @@ _BLOCK = 250_000  # lines between two reports of progress
 _COMMENTS = ("#", "//")
 _SEPARATORS = ("\t", ";", ",", None)  # None: blanks, as in str.split
 _ALIASES = {
-    "intensity": "intensity i scalarintensity",
-    "return_number": "returnnumber returnno returnnr scalarreturnnumber",
-    "number_of_returns": "numberofreturns numreturns nreturns scalarnumberofreturns",
-    "classification": "classification class scalarclassification",
-    "scan_direction_flag": "scandirectionflag scalarscandirectionflag",
-    "edge_of_flight_line": "edgeofflightline scalaredgeofflightline",
-    "scan_angle_rank": "scananglerank scalarscananglerank",
+    "intensity": "intensity,i,scalarintensity",
+    "return_number": "returnnumber,returnno,returnnr,scalarreturnnumber",
+    "number_of_returns": "numberofreturns,numreturns,nreturns,scalarnumberofreturns",
+    "classification": "classification,class,scalarclassification",
+    "scan_direction_flag": "scandirectionflag,scalarscandirectionflag",
+    "edge_of_flight_line": "edgeofflightline,scalaredgeofflightline",
+    "scan_angle_rank": "scananglerank,scalarscananglerank",
     "scan_angle": "scanangle",
-    "user_data": "userdata scalaruserdata",
-    "point_source_id": "pointsourceid pointsource scalarpointsourceid",
-    "scanner_channel": "scannerchannel scanchannel",
-    "gps_time": "gpstime time scalargpstime",
-    "red": "red r",
-    "green": "green g",
-    "blue": "blue b",
-    "nir": "nir infrared nearinfrared",
+    "user_data": "userdata,scalaruserdata",
+    "point_source_id": "pointsourceid,pointsource,scalarpointsourceid",
+    "scanner_channel": "scannerchannel,scanchannel",
+    "gps_time": "gpstime,time,scalargpstime",
+    "red": "red,r",
+    "green": "green,g",
+    "blue": "blue,b",
+    "nir": "nir,infrared,nearinfrared",
     "synthetic": "synthetic",
     "key_point": "keypoint",
     "withheld": "withheld",
     "overlap": "overlap",
 }
-_NAMES = {alias: name for name, aliases in _ALIASES.items() for alias in aliases.split()}
+_NAMES = {alias: name for name, aliases in _ALIASES.items() for alias in aliases.split(",")}
 _LETTERS = {"r", "g", "b"}
 _PTS = {4: "i", 6: "rgb", 7: "irgb"}  # what a .pts line holds after x y z
 _FIELDS = {name: kind for number in (3, 8) for name, kind in fields(number).items()}

@@ -594,11 +594,13 @@ def _for_kml(frame: geopandas.GeoDataFrame, path: Path) -> geopandas.GeoDataFram
         if height_system(frame.crs) == NOT_STATED:
             text = (
                 "%s: the data do not state what heights refer to, and KML has them above the sea: "
+                "what hangs in the air may be drawn too high or too low"
             )
-            text += "what hangs in the air may be drawn too high or too low"
             log.warning(text, path.name)
         if height_system(frame.crs) == ABOVE_ELLIPSOID:
-            text = "%s: its heights are above the ellipsoid, and KML has them above the sea: what "
-            text += "hangs in the air is drawn too high or too low; reproject it to such heights"
+            text = (
+                "%s: its heights are above the ellipsoid, and KML has them above the sea: what "
+                "hangs in the air is drawn too high or too low; reproject it to such heights"
+            )
             log.warning(text, path.name)
     return plane

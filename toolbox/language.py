@@ -26,6 +26,7 @@ VARIABLES = ("TOOLBOX_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
 TOLD = "told.po"  # texts with values in them
 _VALUE = re.compile(r"\{\d+\}")
 _PARTS = re.compile(r"(?<=[;:.]) +")
+_FILE = r"(?P<file>(?:\w+: )?\S*\w\.\w\S* )?"  # what a text is about, which begins with its verb
 # A decimal number by itself: no part of a name, of a path, of a version or of an address.
 _DECIMAL = re.compile(r"(?<![\w./:-])([-+]?\d+)\.(\d+)(?![\w/]|\.\w|-\d)")
 
@@ -122,8 +123,10 @@ def _known(code: str, text: str) -> str | None:
             return whole + ending
     for pattern, translated in _patterns(code):
         if found := pattern.fullmatch(text):
-            values = {name[1:]: _line(code, value) for name, value in found.groupdict().items()}
-            return _VALUE.sub(lambda place: values[place[0][1:-1]], translated)  # noqa: B023
+            named = found.groupdict()
+            file = named.pop("file", "") or ""
+            values = {name[1:]: _line(code, value) for name, value in named.items()}
+            return file + _VALUE.sub(lambda place: values[place[0][1:-1]], translated)  # noqa: B023
     name, _, rest = text.partition(" ")  # of a file, before what is wrong with it
     if rest and "." in name[:-1] and (said := _known(code, rest)):
         return f"{name} {said}"
@@ -144,6 +147,7 @@ def _patterns(code: str) -> list[tuple[re.Pattern[str], str]]:
         kinds = [first, *[inside] * len(values)]
         names = [f"(?P<v{v[1:-1]}>{k})" for v, k in zip(values, kinds, strict=False)] + [""]
         text = "".join(re.escape(w) + n for w, n in zip(words, names, strict=True))
+        text = f"{_FILE}{text}" if english[0].islower() else text
         made.append((len("".join(words)), re.compile(text), translated))
     return [(pattern, text) for _, pattern, text in sorted(made, key=lambda one: -one[0])]
 

@@ -9,6 +9,7 @@ entries, from which a text that comes back takes its translation.
 from __future__ import annotations
 
 import ast
+import functools
 import itertools
 import re
 import sys
@@ -91,6 +92,7 @@ def of_told() -> list[str]:
     return list(dict.fromkeys(text for text in [*told, *heads] if text not in elsewhere))
 
 
+@functools.cache
 def pieces() -> list[str]:
     """The texts of `of_told` with the blanks of the code, each once, in the order of the code."""
     found: dict[str, None] = {}
@@ -124,7 +126,7 @@ def _silent_in(node: ast.AST) -> Iterator[ast.AST]:
         yield from node.values
     if isinstance(node, ast.Raise) and node.exc and _is_call(node.exc, *FAULTS):
         yield from ast.walk(node)
-    if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ELSEWHERE:
+    if _is_call(node, *ELSEWHERE):
         inside = list(ast.walk(node))
         columns = {id(p) for call in inside if _is_call(call, "Column") for p in ast.walk(call)}
         yield from (part for part in inside if id(part) not in columns)
@@ -152,7 +154,8 @@ def _is_none(node: ast.AST) -> bool:
 
 
 def _is_call(node: ast.AST, *names: str) -> bool:
-    return isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in names
+    called = node.func if isinstance(node, ast.Call) else None
+    return getattr(called, "attr", None) in names or getattr(called, "id", None) in names
 
 
 def _with_marks(node: ast.AST) -> str | None:
@@ -195,11 +198,16 @@ def _kept(text: str) -> set[str]:
     return {" ".join(word.split()) for word in KEPT.findall(text)}
 
 
+def sources() -> dict[str, list[str]]:
+    """The texts that each catalogue must have."""
+    return {"tools.po": of_tools(), "messages.po": of_code(), language.TOLD: of_told()}
+
+
 def main() -> None:
     """Write all catalogues, and say what is missing."""
-    sources = {"tools.po": of_tools(), "messages.po": of_code(), language.TOLD: of_told()}
+    found = sources()
     for folder in sorted(path for path in FOLDER.iterdir() if path.is_dir()):
-        for name, texts in sources.items():
+        for name, texts in found.items():
             made = update(folder / name, texts, folder.name)
             made.save(str(folder / name))
             done, all_ = len(made.translated_entries()), len(texts)

@@ -87,7 +87,10 @@ class ClassifySuggest:
         if self.labelled is None:
             return
         if conflict := crs_conflict(self.labelled.crs, self.points.crs, heights=False):
-            yield "labelled", f"{self.labelled.name or 'the layer'} {conflict} of the points"
+            yield (
+                "labelled",
+                f"{self.labelled.name or 'the layer'} {conflict}, which is that of the points",
+            )
 
     def halo(self) -> float:
         """Patches compete over the whole survey."""

@@ -156,7 +156,10 @@ class ClassifyTrain:
             yield "labels", f"no attribute {self.labels!r}; there are {known}"
         if self.areas is not None:
             if text := crs_conflict(self.areas.crs, self.points.crs, heights=False) or "":
-                yield "areas", f"{self.areas.name or 'the layer'} {text} of the points"
+                yield (
+                    "areas",
+                    f"{self.areas.name or 'the layer'} {text}, which is that of the points",
+                )
             if self.class_attribute not in self.areas.names:
                 known = ", ".join(self.areas.names) or "none"
                 yield "class_attribute", f"no attribute {self.class_attribute!r}; there are {known}"

@@ -90,8 +90,10 @@ class SurfaceReproject:
             missing_grid=self.missing_grid,
         )
         if way.moves_heights and self.values is None:
-            text = "heights change by this operation; say whether the values are elevations,"
-            raise DataError(f"values: {text} lengths or other, so that they are not left wrong")
+            raise DataError(
+                "values: heights change by this operation; say whether the values are elevations, "
+                "lengths or other, so that they are not left wrong"
+            )
         lattice = cells_of(raster, way, self._cell(raster, way))
         found = resampled(raster, way, lattice, self.method, self.values, ctx=ctx.part(0.1, 1.0))
         return self.Outputs(reprojected=found, operation=operation_table(way, self.geoid))

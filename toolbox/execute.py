@@ -22,7 +22,7 @@ from toolbox.runs import cells, delivery
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
-from toolbox.runs.lineage import counting, read_files, record_of, telling
+from toolbox.runs.lineage import counting, read_files, record_of, sizes_of, tell_empty, telling
 from toolbox.runs.provenance import Count
 from toolbox.runs.results import Results
 from toolbox.runs.source import Sources
@@ -182,14 +182,20 @@ def _run(
     else:
         result = runner(id, job, ctx.part(READ, WRITE))
     found = {name: getattr(result, name) for name in [*spec.outputs, *asked]}
+    tell_empty(spec, sizes_of(found), writes.values(), told)
     record = record and replace(record, counts=tuple(counts))
     part = ctx.part(WRITE, 1)
+    return _written(spec, found, writes, part, record=record, told=told, overwrite=overwrite)
+
+
+def _written(
+    spec: Spec, found: Mapping[str, Any], writes: Mapping[str, Target], ctx: Context, **how: Any
+) -> Results:
+    """Write what has a target, and give what was made, files or layers."""
     if writes:  # of many points it takes as long as some tools
-        part.stage(language.text("Writing the results"))
+        ctx.stage(language.text("Writing the results"))
     with delivery.folder_of(writes):
-        done = delivery.write(
-            spec, found, writes, record=record, told=told, overwrite=overwrite, ctx=part
-        )
+        done = delivery.write(spec, found, writes, ctx=ctx, **how)
     shown = {n: value for n, value in found.items() if n in spec.outputs or n in writes}
     return Results.of(spec, shown | done)
 

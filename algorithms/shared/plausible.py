@@ -20,6 +20,7 @@ TIMES = 20  # ... with so many times its points is a surface, which hides what i
 FEW_CELLS = 1_000_000  # as many are never too many
 MOST = 0.2  # share of the squares with ground; in real surveys it is 0.07 at most
 LOOKED_AT = 1000  # squares: shares of so many are known to 0.03
+NARROW = 0.1  # metres to either side of a line: a scanned wall is so thin, and no survey of land
 SOME = 3  # points of ground in a square that is looked at: as many as make a plane
 DEEPEST = 200.0  # metres above the ground: beyond what two height systems differ by
 HALF, QUARTER = 0.5, 0.25  # a second layer has so many of the ground's points, and of all above it
@@ -241,8 +242,12 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
             FEW,
         )
         return
-    if min(np.ptp(xyz[:, 0]), np.ptp(xyz[:, 1])) == 0:
-        log.warning("all points have one x or one y, which does not tell what is ground")
+    if is_upright(xyz, metre):
+        log.warning(
+            "all points lie within %g m of one line seen from above, as on a wall, which does not "
+            "tell what is ground",
+            NARROW,
+        )
         return
     if problem := height_problem(xyz, metre):
         log.warning("%s", problem)
@@ -267,6 +272,20 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
             SQUARE,
             height,
         )
+
+
+def is_upright(xyz: Floats, metre: float) -> bool:
+    """Whether points of shape (n, 3) are a wall or a profile: along one line, seen from above.
+
+    Examples
+    --------
+    >>> wall = np.array([[x, 2.0 * x, z] for x in range(9) for z in range(9)])
+    >>> is_upright(wall, 1.0), is_upright(wall + [[z, 0, 0] for z in wall[:, 2]], 1.0)
+    (True, False)
+    """
+    plan = xyz[:, :2] - xyz[:, :2].mean(axis=0)
+    across = np.linalg.eigh(plan.T @ plan)[1][:, 0]
+    return float(np.ptp(plan @ across)) <= 2 * NARROW * metre
 
 
 def _counted_through(cells: Ints) -> tuple[Ints, Ints]:

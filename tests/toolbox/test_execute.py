@@ -280,6 +280,21 @@ def test_rules_between_values_are_checked_before_data_is_read(tmp_path: Path) ->
         toolbox.run("points.filter_intensity", values)
 
 
+def test_a_raster_without_a_single_value_is_told_before_all_else(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    some = layers.raster(np.ones((3, 3)))
+    none = layers.raster(np.full((3, 3), np.nan))
+    values = {"surface": some, "page": tmp_path / "page.html"}
+    toolbox.run("surface.difference", {**values, "base": some}, overwrite=True)
+    assert "not a single cell" not in caplog.text
+    toolbox.run("surface.difference", {**values, "base": none}, overwrite=True)
+    said = "not a single cell has a value in: difference (Difference)"
+    assert said in caplog.text
+    page = (tmp_path / "page.html").read_text()
+    assert 0 < page.index(said[1:]) < page.index("o cell has a value in both rasters")
+
+
 def test_unknown_tool_is_named() -> None:
     with pytest.raises(ParameterError, match=r"no tool called 'ground.cfs'; did you mean"):
         toolbox.run("ground.cfs", {})

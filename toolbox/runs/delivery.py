@@ -33,6 +33,7 @@ from toolbox.shown import DELIVER, PAGE
 
 README = "README.txt"
 NOTHING = "nothing of this kind was asked for or found"
+EMPTY = "it would be empty"
 NOT_HERE = "it was not made on this computer"  # how to get what is missing is not for a client
 
 
@@ -156,14 +157,16 @@ def write(
     others = {name: target for name, target in writes.items() if target is not notes}
     left_out = {n: why for n, t in others.items() if t.delivered and (why := _why_not(t, found))}
     for name, why in left_out.items():
-        level = logging.INFO if why in (NOTHING, NOT_HERE) else logging.WARNING
+        level = logging.INFO if why in (NOTHING, EMPTY, NOT_HERE) else logging.WARNING
         log.log(level, "%s is left out: %s", name, why)
     kept = {name: target for name, target in others.items() if name not in left_out}
     readme_path = notes.resolved
     made = {path.name for path in more.own_files} | {
         t.resolved.name for t in kept.values() if t.resolved
     }
-    more_files = {**more.own_files, readme_path: notes.own_files}
+    # Those that were left out may stand there from an earlier run, which is replaced as a whole.
+    old = {t.resolved: t.own_files for n, t in others.items() if n in left_out and t.resolved}
+    more_files = {**old, **more.own_files, readme_path: notes.own_files}
 
     def write_more(staged: Mapping[Path, Path]) -> None:
         more.write(staged)
@@ -192,6 +195,8 @@ def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
     layer = found.get(target.output)
     if layer is None or layer == ():
         return NOTHING
+    if isinstance(layer, Layer) and layer.size() == 0:
+        return EMPTY
     crs = getattr(layer, "crs", None)
     if target.needs_crs and (crs is None or is_local(crs)):
         return "the data have no CRS of the Earth"

@@ -28,6 +28,7 @@ from toolbox.models.model import Model, Runner, leading_steps, run_tool
 from toolbox.reports.page import Told, told_by
 from toolbox.runs.provenance import Count, Entry, Input, Record, plain, read
 from toolbox.runs.source import Source, Sources
+from toolbox.runs.target import Target
 
 MANY = 100  # files of a source; of more the record keeps one hash instead of their names
 FILE = "file"  # the word of parameters that name a file
@@ -183,6 +184,31 @@ def telling(told: Told, inner: Runner) -> Runner:
         return result
 
     return run
+
+
+def sizes_of(found: Mapping[str, Any]) -> dict[str, int | None]:
+    """Points, features, rows or cells with a value of the layers among results, by name."""
+    return {name: layer.size() for name, layer in found.items() if isinstance(layer, Layer)}
+
+
+def tell_empty(
+    spec: Spec, sizes: Mapping[str, int | None], targets: Iterable[Target], told: Told
+) -> None:
+    """Warn, before all else, of rasters without a single cell that has a value.
+
+    What a set alone holds is not told: it is left out of that, which its README says.
+
+    Parameters
+    ----------
+    sizes : cells with a value, by name of the result
+    targets : what is written
+    """
+    wanted = {*spec.outputs, *(target.output for target in targets if not target.delivered)}
+    gridded = [n for n in sizes if n in wanted and spec.results[n].kind.is_gridded]
+    if empty := [name for name in gridded if sizes[name] == 0]:
+        titles = ", ".join(f"{name} ({spec.results[name].title})" for name in empty)
+        log.warning("not a single cell has a value in: %s", titles)
+        told.warnings.insert(0, told.warnings.pop())
 
 
 def counted(

@@ -41,7 +41,7 @@ from toolbox.reports.page import Told
 from toolbox.runs import cells
 from toolbox.runs.cache import code_of
 from toolbox.runs.delivery import write
-from toolbox.runs.lineage import read_files
+from toolbox.runs.lineage import read_files, sizes_of, tell_empty
 from toolbox.runs.provenance import Record
 from toolbox.runs.source import Sources
 from toolbox.runs.target import More, Target, check_crs, names_of
@@ -50,7 +50,7 @@ from toolbox.shown import PAGE, SHOWN
 from toolbox.tiles import overview, spoken
 from toolbox.tiles import store as tile_store
 from toolbox.tiles.crew import Crew, reach_of
-from toolbox.tiles.plan import TilePlan, as_model, surveys_of
+from toolbox.tiles.plan import ALONE, TilePlan, as_model, surveys_of
 from toolbox.tiles.products import Product
 from toolbox.tiles.store import TileGrid
 from toolbox.tiles.tiling import Tiling
@@ -224,6 +224,7 @@ def _finish(
     products = _complete(crew, products)
     found = _found(crew, [target.output for target in targets.values()])
     spoken.tell(crew, told)
+    tell_empty(spec, _sizes(crew, found), targets.values(), told)
     made = record and replace(record, counts=tuple(crew.plan.ordered(crew.counts)))
     if any(target.output == PAGE for target in targets.values()):
         told.thinned = _thinned(spec, crew)
@@ -245,6 +246,15 @@ def _finish(
     crew.report()
     asked = {n: value for n, value in found.items() if n in spec.outputs or n in targets}
     return _results(spec, asked | saved, {product.output for product in products}, targets)
+
+
+def _sizes(crew: Crew, found: Mapping[str, Any]) -> dict[str, int | None]:
+    """How much the results hold, by name; after failures nothing is said of those of tiles."""
+    alone = crew.job.id  # the name in counts of what runs without a model
+    held = {f"{ALONE if c.step == alone else c.step}.{c.name}": c.count for c in crew.counts}
+    stored = {} if crew.failures else crew.plan.stored
+    made = {name: held[full] for name, full in stored.items() if full in held}
+    return made | sizes_of(found)
 
 
 def _thinned(spec: Spec, crew: Crew) -> dict[str, Layer]:

@@ -17,6 +17,7 @@ from algorithms.points.info import PointsInfo
 from algorithms.shared.plausible import (
     height_problem,
     hidden_share,
+    is_upright,
     second_layer,
     squares_of,
     tell_of_ground,
@@ -203,7 +204,17 @@ def test_points_in_one_vertical_plane_do_not_tell_what_is_ground(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     for xyz in (np.full((50, 3), 7.0), [[x, 5.0, z] for x in range(9) for z in range(9)]):
-        assert "one x or one y" in warned(caplog, "ground.classify", xyz)
+        assert "one line seen from above" in warned(caplog, "ground.classify", xyz)
+
+
+@pytest.mark.parametrize("metre", [1.0, 1 / 0.3048])
+def test_a_wall_that_stands_askew_is_told_and_a_strip_of_land_is_not(metre: float) -> None:
+    along, height = (a.ravel() for a in np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 9, 0.1)))
+    for across, told in ((0.18, True), (0.22, False)):
+        aside = np.random.default_rng(3).choice([-across / 2, across / 2], len(along))
+        x, y = 0.8 * along - 0.6 * aside, 0.6 * along + 0.8 * aside
+        xyz = np.column_stack([x + 5e5, y + 4.4e6, height])
+        assert is_upright(xyz * metre, metre) == told
 
 
 def test_ground_of_which_a_part_is_hidden_is_told_from_a_fifth_on(

@@ -197,6 +197,17 @@ def test_files_there_are_not_replaced(model: str, points: Path, tmp_path: Path) 
     assert names(tmp_path / "out") == FILES | {"notes.txt"}
 
 
+def test_what_would_be_empty_is_left_out_and_takes_an_earlier_one_with_it(
+    model: str, points: Path, tmp_path: Path
+) -> None:
+    values: dict[str, Any] = {"points": points, "deliver": tmp_path / "out"}
+    toolbox.run(model, values)
+    toolbox.run(model, {**values, "interval": 500.0}, overwrite=True)
+    assert names(tmp_path / "out") == FILES - {"lines.gpkg", "lines.kmz", "lines.dxf"}
+    text = (tmp_path / "out" / "README.txt").read_text()
+    assert "- lines.gpkg: Lines. it would be empty" in text
+
+
 @pytest.mark.parametrize(
     ("folder", "says"),
     [

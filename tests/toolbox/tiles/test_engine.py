@@ -310,6 +310,15 @@ def test_what_cannot_be_run_in_tiles(
     assert files(survey) == before
 
 
+def test_a_raster_without_a_single_value_is_told(
+    survey: Path, tiling: Tiling, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    values = {"points": survey, "surface": tmp_path / "s.tif", "cell": 1, "method": "nearest"}
+    for max_gap, told in ((2.0, False), (1e-6, True)):
+        toolbox.run("surface.grid", values | {"max_gap": max_gap}, tiling=tiling, overwrite=True)
+        assert ("not a single cell has a value in: surface" in caplog.text) == told
+
+
 def test_files_of_one_name_are_not_written_over_each_other(
     survey: Path, tiling: Tiling, tmp_path: Path
 ) -> None:

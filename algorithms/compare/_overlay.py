@@ -144,7 +144,9 @@ def belonging(own: Shapes, other: Shapes, region: Any) -> Shapes:
     belongs[order[np.unique(pairs.first[order], return_index=True)[1]]] = True
     chosen = np.unique(pairs.second[belongs])
     found = np.full(len(other), shapely.Polygon(), object)
-    return np.asarray(shapely.multipolygons(parts[chosen], indices=owner[chosen], out=found))
+    if len(chosen):  # of none, shapely does not give `out` back
+        shapely.multipolygons(parts[chosen], indices=owner[chosen], out=found)
+    return found
 
 
 def clipped(shapes: Shapes, region: Any, ctx: Context = QUIET) -> Shapes:

@@ -225,12 +225,12 @@ class CompareAreas:
         own = Side.of(mended(self.areas, "areas"), region, ctx.part(0.0, 0.15))
         reference = mended(self.reference, "reference")
         if self.counterparts:
-            reference = _of_polygons(own, reference, region)
+            reference = _of_polygons(own, reference, region, self.areas.metre)
         other = Side.of(reference, region, ctx.part(0.15, 0.3))
         if region is not None and not (own.total or other.total):
             where = "coverage" if self.coverage is not None else "extent"
             raise DataError(f"{where}: no polygon of either layer lies within")
-        _warn(own, other)
+        _warn(own, other, self.areas.metre, counterparts=self.counterparts)
         overlay = Overlay.of(own, other, ctx.part(0.3, 0.9))
         covered = overlay.covered, overlay.covered_reference
         objects = Objects.of(own, other, covered, overlay.pairs, self.min_area, self.min_overlap)
@@ -328,33 +328,37 @@ class CompareAreas:
         return Vector(kept, geometry_type="Polygon"), rows
 
 
-def _of_polygons(own: Side, reference: Shapes, region: Any) -> Shapes:
+def _of_polygons(own: Side, reference: Shapes, region: Any, metre: float) -> Shapes:
     """The reference without what belongs to none of the polygons, which is logged."""
     kept = belonging(own.shapes, reference, region)
     whole, left = shapely.area(reference), shapely.area(kept)
     log.info(
-        "reference: compared with %d of %d polygons; %.3f of %.3f square units belong to none "
-        "of the polygons and are left out",
+        "reference: compared with %d of %d polygons; %.1f of %.1f m2 belong to none of the polygons "
+        "and are left out",
         np.count_nonzero(left),
         np.count_nonzero(whole),
-        whole.sum() - left.sum(),
-        whole.sum(),
+        (whole.sum() - left.sum()) / metre**2,
+        whole.sum() / metre**2,
     )
     return kept
 
 
-def _warn(own: Side, other: Side) -> None:
+def _warn(own: Side, other: Side, metre: float, *, counterparts: bool) -> None:
     """Log what may not be as the user intended."""
     for name, side in (("areas", own), ("reference", other)):
-        if not side.area.any():
+        if counterparts and len(other.area) and side is other and not side.area.any():
+            log.warning(
+                "reference: none of its polygons belongs to one of the polygons, so these are "
+                "compared with nothing: is it of another place, or does it lack them?"
+            )
+        elif not side.area.any():
             log.warning("%s: there are no polygons to compare", name)
         if side.twice > ROUNDING * side.area.sum():
             log.warning(
-                "%s: polygons lie over each other (%s), by %.3f square units in all; "
-                "sums count this area once",
+                "%s: polygons lie over each other (%s), by %.3f m2 in all; sums count this area once",
                 name,
                 features(side.covering),
-                side.twice,
+                side.twice / metre**2,
             )
 
 

@@ -530,7 +530,7 @@ def test_one_lake_of_a_map_of_all_lakes(caplog: pytest.LogCaptureFixture) -> Non
     assert measures(compare(lake, [*sheets, pond, far]))["iou"] < 50
     with caplog.at_level("INFO", "toolbox"):
         out = compare(lake, [*sheets, pond, far], counterparts=True)
-    assert "compared with 2 of 4 polygons; 126.520 of 222.520 square units belong" in caplog.text
+    assert "compared with 2 of 4 polygons; 126.5 of 222.5 m2 belong" in caplog.text
     assert measures(out)["iou"] == alone["iou"] == 96
     assert rows(out, "reference")["area_m2"].tolist() == [60, 36, 0, 0]
     together = shapely.MultiPolygon([*sheets[:1], far])
@@ -541,6 +541,16 @@ def test_one_lake_of_a_map_of_all_lakes(caplog: pytest.LogCaptureFixture) -> Non
     out = compare(lake, [*sheets, far], counterparts=True, extent=cut)
     assert measures(out)["reference_area"] == 36
     assert rows(out, "reference")["inside_%"].round(1).tolist() == [40, 33.3, 0]
+
+
+def test_a_reference_that_lacks_all_polygons_compares_with_nothing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    out = compare([box(0, 0, 10, 10)], [box(50, 0, 60, 10), box(70, 0, 80, 10)], counterparts=True)
+    assert measures(out)["commission"] == 100
+    assert measures(out)["reference_area"] == 0
+    assert (len(out.polygons), out.completeness) == (3, None)
+    assert "none of its polygons belongs to one of the polygons" in caplog.text
 
 
 def test_on_the_map_of_the_report_what_is_alone_has_the_colour_of_its_layer() -> None:

@@ -333,8 +333,8 @@ def _of_polygons(own: Side, reference: Shapes, region: Any, metre: float) -> Sha
     kept = belonging(own.shapes, reference, region)
     whole, left = shapely.area(reference), shapely.area(kept)
     log.info(
-        "reference: compared with %d of %d polygons; %.1f of %.1f m2 belong to none of the polygons "
-        "and are left out",
+        "reference: compared with %d of %d polygons; %.1f of %.1f m2 belong to none of the "
+        "polygons and are left out",
         np.count_nonzero(left),
         np.count_nonzero(whole),
         (whole.sum() - left.sum()) / metre**2,
@@ -355,7 +355,8 @@ def _warn(own: Side, other: Side, metre: float, *, counterparts: bool) -> None:
             log.warning("%s: there are no polygons to compare", name)
         if side.twice > ROUNDING * side.area.sum():
             log.warning(
-                "%s: polygons lie over each other (%s), by %.3f m2 in all; sums count this area once",
+                "%s: polygons lie over each other (%s), by %.3f m2 in all; sums count this area "
+                "once",
                 name,
                 features(side.covering),
                 side.twice / metre**2,

@@ -63,14 +63,20 @@ def result_text(value: Any, unit: str | None, help: str) -> tuple[str, str]:
 
 
 def setting_text(value: Any) -> str:
-    """The value of a setting, from its JSON."""
+    """The value of a setting, from its JSON; coordinates keep all of their digits.
+
+    Examples
+    --------
+    >>> setting_text([273371.9, 5274430.7]), setting_text(0.05), setting_text(2.0)
+    ('273371.9, 5274430.7', '0.05', '2')
+    """
     if value is None:
         return "not given"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):
         return ", ".join(setting_text(item) for item in value)
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{value:.15g}" if isinstance(value, float) else str(value)
 
 
 def title_of(name: str) -> str:

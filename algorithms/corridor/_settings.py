@@ -184,15 +184,11 @@ class Structures:
     contact_depth: float = built(
         2.2, "m", "from a messenger wire down to the contact wire that it holds, at most"
     )
-    contact_aside: float = built(
-        0.5, "m", "from a messenger wire aside to its contact wire, at most"
-    )
     contact_step: float = tried(3.0, "m", "along these two, for which both are looked for")
     fewest: int = unlikely(5, "1", "points, steps or crossings by which something is known")
     filled: float = tried(
         0.6, "1", "share of steps, cells or metres with points, where something goes on"
     )
-    contact_scatter: float = surveyed(0.12, "m", "of both from parabolas")
     contact_bend: float = built(
         0.35, "1", "share of the curvature of the messenger wire: the contact wire has less"
     )
@@ -221,18 +217,12 @@ class Structures:
     carrier_end: float = built(
         6.0, "m", "from the ends of a rope, where there are insulators and jumpers"
     )
-    bridge_span: float = built(50.0, "m", "shortest span of a cable of a bridge")
     bridge_sag: float = built(1 / 15, "1", "share of its span: more than wires sag")
     deck_room: float = built(
         4.0, "m", "from the lowest point of a cable down and aside to the deck"
     )
-    deck_along: float = built(
-        0.1, "1", "share of the span, to both sides of the lowest point, where the deck is"
-    )
     mesh_height: float = built(0.4, "m", "up, between wires that are tied")
     mesh_gap: float = built(12.0, "m", "between two crossings of a wire in a mesh, at most")
-    mesh_least: float = built(1.0, "m", "between two crossings of a wire in a mesh, at least")
-    tied_crossings: int = tried(2, "crossings", "of wires in a mesh, for which another one is too")
     mesh_angle: float = built(30.0, "degrees", "between wires that cross")
 
     @property
@@ -442,7 +432,6 @@ class Supports:
 class Towers:
     """Points of towers, and insulators."""
 
-    base_lattice: float = surveyed(1.0, "m", "above the ground that are left to it under a lattice")
     lattice_width: float = built(0.5, "m", "half width from which a body is a lattice")
     splay_lattice: float = built(0.12, "m / m", "by which a lattice widens downwards")
     splay_pole: float = built(0.02, "m / m", "by which a pole widens downwards")
@@ -451,20 +440,12 @@ class Towers:
     hidden_pole_width: float = built(0.2, "m", "half width of a pole of which little is seen")
     foot_height: float = tried(3.0, "m", "below which shrubs may grow inside a lattice")
     leg_width: float = built(1.0, "m", "of a face of the lattice there")
-    jumper_below: float = built(0.4, "m", "below its wire, where a jumper begins")
     jumper_deepest: float = built(4.0, "m", "below its wire, where a jumper ends")
-    jumper_aside: float = built(1.2, "m", "aside of its wire, of a jumper")
     jumper_width: float = built(
         1.3, "1", "times the part of a jumper that is clear of its wire, by its parabola"
     )
     arm_depth: float = built(
         0.04, "1", "share of the height of a tower: half depth of an arm, and twice the half height"
-    )
-    arm_reach: float = built(0.05, "1", "share of the height: reach above what is level")
-    arm_clear: float = built(0.5, "m", "aside of a wire, clear of the peak")
-    arm_end: float = built(1.5, "m", "aside of a wire, clear of the next arm")
-    shortest_string: float = built(
-        0.04, "1", "share of the height: insulators by which wires pull without jumpers"
     )
     known_by_points: int = unlikely(
         4, "points", "by which a jumper, arms, a neck or a waist are known"

@@ -31,32 +31,28 @@ def holds_level(air: Airborne, above: Floats, curve: Catenary) -> bool:
     above : height of the points above the ground
     """
     count = max(1, round(curve.length / SETTINGS.structures.contact_step))
-    near, _ = air.around(
-        curve, SETTINGS.structures.contact_depth + SETTINGS.structures.contact_aside
-    )
+    depth, aside = SETTINGS.structures.contact_depth, SETTINGS.network.bundle_width
+    near, _ = air.around(curve, depth + aside)
     u, v, z = curve.residuals(air.xyz[near])
-    plane = (np.abs(v) < SETTINGS.structures.contact_aside) & (
-        np.abs(z) < SETTINGS.structures.contact_depth
-    )
+    plane = (np.abs(v) < aside) & (np.abs(z) < depth)
     if not plane.any() or np.median(above[near][plane]) > SETTINGS.structures.messenger_height:
         return False
     step = np.clip((u[plane] / curve.length * count).astype(np.int64), 0, count - 1)
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, step, air.xyz[near, 2][plane])
     np.maximum.at(high, step, air.xyz[near, 2][plane])
-    width = round(SETTINGS.curves.sure_length / SETTINGS.structures.contact_step)
-    pieces = [slice(0, count)]
+    width, begins = count, range(1)
     if curve.length > SETTINGS.structures.contact_span:
-        pieces = [slice(k, k + width) for k in range(0, count - width + 1, width // 2)]
-    level = [_levelled(low[piece], high[piece]) for piece in pieces]
+        width = round(SETTINGS.curves.sure_length / SETTINGS.structures.contact_step)
+        begins = range(0, count - width + 1, width // 2)
+    level = [_levelled(low[k : k + width], high[k : k + width]) for k in begins]
     return float(np.mean(level)) > SETTINGS.structures.level_share
 
 
 def _levelled(low: Floats, high: Floats) -> bool:
     """Whether of two wires at equal steps the lower one is straight and the upper one sags."""
-    both = (high - low > SETTINGS.lines.tolerances[0]) & (
-        high - low < SETTINGS.structures.contact_depth
-    )
+    width = SETTINGS.lines.tolerances[0]
+    both = (high - low > width) & (high - low < SETTINGS.structures.contact_depth)
     if np.count_nonzero(both) < max(
         SETTINGS.structures.fewest, SETTINGS.structures.filled * len(low)
     ):
@@ -64,7 +60,7 @@ def _levelled(low: Floats, high: Floats) -> bool:
     middle = SETTINGS.structures.contact_step * np.flatnonzero(both).astype(np.float64)
     lower, rough = _parabola(middle, low[both])
     upper, rougher = _parabola(middle, high[both])
-    thin = max(rough, rougher) < SETTINGS.structures.contact_scatter
+    thin = max(rough, rougher) < SETTINGS.arcs.smooth * width
     loaded = (
         SETTINGS.structures.messenger_least_c
         < 1 / max(upper, 1e-9)
@@ -127,34 +123,16 @@ def carriers(air: Airborne, height: Floats, curve: Catenary) -> int:
 
 def carries_deck(air: Airborne, curve: Catenary) -> bool:
     """Whether a curve sags as the cable of a bridge does, down to a deck in the air."""
-    if (
-        curve.length < SETTINGS.structures.bridge_span
-        or curve.sag < SETTINGS.structures.bridge_sag * curve.length
-    ):
+    if curve.sag < SETTINGS.structures.bridge_sag * curve.length:
         return False
-    lowest = min(max(curve.u0, 0.0), curve.length)
-    reach = SETTINGS.structures.deck_along * curve.length
-    low, high = max(lowest - reach, 0.0), min(lowest + reach, curve.length)
-    near, _ = air.around(
-        curve, SETTINGS.structures.deck_room + SETTINGS.structures.deck_room, low, high
-    )
+    room, gap = SETTINGS.structures.deck_room, SETTINGS.structures.body_gap
+    low, high = max(curve.u0 - room, 0.0), min(curve.u0 + room, curve.length)
+    near, _ = air.around(curve, 2 * room, low, high)
     u, v, z = curve.residuals(air.xyz[near])
-    inside = (
-        (z > -SETTINGS.structures.deck_room - curve.sag * 0.1)
-        & (z < -0.5)
-        & (np.abs(v) < SETTINGS.structures.deck_room)
-    )
-    cells = np.floor(np.column_stack([u - low, v])[inside] / SETTINGS.structures.body_gap).astype(
-        np.int64
-    )
+    inside = (z > -room) & (z < -gap / 2) & (np.abs(v) < room)
+    cells = np.floor(np.column_stack([u - low, v])[inside] / gap).astype(np.int64)
     filled = [len(np.unique(cells[side], axis=0)) for side in (cells[:, 1] < 0, cells[:, 1] >= 0)]
-    return (
-        max(filled)
-        > SETTINGS.structures.filled
-        * (high - low)
-        * SETTINGS.structures.deck_room
-        / SETTINGS.structures.body_gap**2
-    )
+    return high > low and 2 * max(filled) * gap**2 > (high - low) * room
 
 
 def in_mesh(curves: Sequence[Catenary], known: Sequence[Catenary]) -> list[bool]:
@@ -174,8 +152,7 @@ def in_mesh(curves: Sequence[Catenary], known: Sequence[Catenary]) -> list[bool]
     while fresh:
         tying = Crossed.of(mesh)
         more = [
-            not own and len(tying.crossings(c)) >= SETTINGS.structures.tied_crossings
-            for c, own in zip(curves, tied, strict=True)
+            not own and len(tying.crossings(c)) > 1 for c, own in zip(curves, tied, strict=True)
         ]
         tied = [own or new for own, new in zip(tied, more, strict=True)]
         fresh = [one for one, new in zip(curves, more, strict=True) if new]
@@ -186,10 +163,8 @@ def in_mesh(curves: Sequence[Catenary], known: Sequence[Catenary]) -> list[bool]
 def _often(places: Sequence[float]) -> bool:
     """Whether there are several crossings one after another."""
     steps = np.diff(sorted(places))
-    close = np.count_nonzero(
-        (steps > SETTINGS.structures.mesh_least) & (steps < SETTINGS.structures.mesh_gap)
-    )
-    return bool(close >= SETTINGS.structures.fewest - 1)
+    close = (steps > SETTINGS.structures.body_gap) & (steps < SETTINGS.structures.mesh_gap)
+    return bool(np.count_nonzero(close) >= SETTINGS.structures.fewest - 1)
 
 
 @dataclass(frozen=True)
@@ -219,12 +194,8 @@ class Crossed:
         turn = np.where(across, turn, 1.0)
         dx, dy = x - one.ends[0, 0], y - one.ends[0, 1]
         u, w = (dx * ey - dy * ex) / turn, (dx * one.ey - dy * one.ex) / turn
-        across &= (u > -SETTINGS.structures.mesh_least) & (
-            u < one.length + SETTINGS.structures.mesh_least
-        )
-        across &= (w > -SETTINGS.structures.mesh_least) & (
-            w < length + SETTINGS.structures.mesh_least
-        )
+        near = SETTINGS.structures.body_gap
+        across &= (u > -near) & (u < one.length + near) & (w > -near) & (w < length + near)
         return [
             float(u[k])
             for k in np.flatnonzero(across).tolist()

@@ -64,7 +64,8 @@ def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Sup
     for number, support in enumerate(supports):
         height = support.high - support.ground
         left, right = sides_of(support)
-        reach = max(-left, right) + SETTINGS.towers.string_reach * height + SETTINGS.towers.arm_end
+        strings = SETTINGS.towers.string_reach * height
+        reach = max(-left, right) + strings + SETTINGS.curves.clutter_radius
         near = corridor.air.within(np.array([support.x, support.y]), reach)
         xyz = corridor.air.xyz[near[corridor.free[near]]]
         ends = [
@@ -76,7 +77,7 @@ def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Sup
             continue
         tops = np.array([(wires[k].curve.z_start, wires[k].curve.z_end)[e] for k, e in ends])
         pulls = tops <= tops[level > above].max()
-        length = by_jumpers(around, height) or SETTINGS.towers.shortest_string * height
+        length = by_jumpers(around, height) or SETTINGS.towers.arm_depth * height
         for (k, e), pull in zip(ends, pulls.tolist(), strict=True):
             found[k, e] = pull * length
     return found
@@ -90,22 +91,13 @@ def around_end(curve: Catenary, end: int, xyz: Floats) -> tuple[Floats, Floats, 
 
 def arms_at(along: Floats, v: Floats, z: Floats, height: float) -> tuple[int, int]:
     """Number of arm points beside the end of a wire, and of those above it."""
-    depth, level, above = (
-        share * height
-        for share in (
-            SETTINGS.towers.arm_depth,
-            SETTINGS.towers.arm_depth / 2,
-            SETTINGS.towers.arm_reach,
-        )
-    )
-    beside = (
-        (np.abs(along) < depth)
-        & (np.abs(v) > SETTINGS.towers.arm_clear)
-        & (np.abs(v) < SETTINGS.towers.arm_end)
-    )
+    depth, aside = SETTINGS.towers.arm_depth * height, np.abs(v)
+    beside = (np.abs(along) < depth) & (aside < SETTINGS.curves.clutter_radius)
+    beside &= aside > SETTINGS.network.bundle_width
+    level = np.abs(z) < depth / 2
     return (
-        int(np.count_nonzero(beside & (np.abs(z) < level))),
-        int(np.count_nonzero(beside & (z > level) & (z < above))),
+        int(np.count_nonzero(beside & level)),
+        int(np.count_nonzero(beside & (z > 0) & (z < depth) & ~level)),
     )
 
 
@@ -117,9 +109,9 @@ def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -
     """
     found = []
     below, deepest, aside = (
-        SETTINGS.towers.jumper_below,
+        SETTINGS.network.bundle_width,
         SETTINGS.towers.jumper_deepest,
-        SETTINGS.towers.jumper_aside,
+        SETTINGS.curves.clutter_radius,
     )
     for along, v, z in around:
         loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
@@ -223,8 +215,7 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
         ]
         foot = float(np.quantile(shin, 0.9)) if len(shin) else width
         body &= (above > SETTINGS.towers.foot_height) | (
-            (np.abs(away - foot) < SETTINGS.towers.leg_width)
-            & (above > SETTINGS.towers.base_lattice)
+            np.abs(away - foot) < SETTINGS.towers.leg_width
         )
     body &= above > 2 * SETTINGS.points.off_ground
     mine = near[arms | body]

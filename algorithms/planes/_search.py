@@ -62,6 +62,7 @@ class Rules:
     confidence : probability that the best plane was drawn
     max_trials : draws in all
     seed : of the draws
+    centres : largest distance of the centre of a cell from its plane, over that of a point
     """
 
     tolerance: float
@@ -74,6 +75,7 @@ class Rules:
     confidence: float = 0.99
     max_trials: int = 1_000_000
     seed: int = 0
+    centres: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,7 @@ class Search:
         self.group = kernels.boxes(cells.reach)
         self.rng = np.random.default_rng(self.rules.seed)
         self.cosine = math.cos(self.rules.angle)
+        self.near = self.rules.centres * self.rules.tolerance
         self.least = (LEAST if self.whole else 1.0) * self.rules.min_points
         self.worth = 0.0  # draws so far, each counted by the points that were there in its time
 
@@ -208,7 +211,7 @@ class Search:
                 cells.normals,
                 self.weights,
                 self.group,
-                self.rules.tolerance,
+                self.near,
                 self.cosine,
                 gains,
             )
@@ -242,7 +245,7 @@ class Search:
             cells.normals,
             self.weights,
             self.group,
-            self.rules.tolerance,
+            self.near,
             self.cosine,
             found,
         )

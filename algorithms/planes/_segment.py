@@ -29,6 +29,7 @@ GAPS = 4.0  # widest gap of a plane over the distance of neighbours
 STRIP = 3.0  # the same over the tolerance
 NOISES = 3.3  # tolerance over the noise: 99.9 % of the points of a plane
 FINEST = 2.0  # the same, if a wider one joins surfaces: with less, planes fall to pieces
+CENTRES = 0.5  # distance of a cell's centre over that of a point: slants through both are outdone
 FILLED = 0.4  # spread over the tolerance: 0.30 of noise alone, 0.58 of points evenly within it
 MUCH = 0.5  # share of the points that are on joined surfaces
 FEW = 5_000  # points that tell how wide a plane is
@@ -121,7 +122,7 @@ def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segmen
     finer = 0.0 if asked.tolerance else _if_joined(cells, patches, owner, tolerance)
     if finer > least:
         left = asked.max_trials - trials
-        finely = replace(asked, tolerance=FINEST * finer, max_trials=left)
+        finely = replace(asked, tolerance=FINEST * finer, centres=CENTRES, max_trials=left)
         made = segment_cells(replace(cells, noise=finer), finely, ctx=ctx.part(0.7, 1.0))
         return replace(made, trials=made.trials + trials)
     ids = np.empty(len(owner), np.int32)

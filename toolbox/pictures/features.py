@@ -11,7 +11,7 @@ from toolbox.data import Vector
 from toolbox.declare.show import Classes, Isolines, Texts, Values
 from toolbox.pictures.images import OTHER, Key, Ramp, ramp_of
 
-_MOST_WORDS = 12
+_MOST_WORDS = len(OTHER)  # each has a colour of its own
 _RANGES = 6  # of numbers, as classes
 _UNKNOWN = "#9a9a9a"
 
@@ -31,7 +31,7 @@ def feature_key(features: Coloured) -> Key | None:
                 return None
             words.sort()
             others = iter([word for word in words if word not in show.looks])
-            own = {w: (w, c) for w, c in zip(others, (OTHER * 2), strict=False)}
+            own = {w: (w, c) for w, c in zip(others, OTHER, strict=False)}
             return {code: own.get(w) or show.looks[w] for code, w in enumerate(words)}
         case _:
             return None

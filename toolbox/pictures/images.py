@@ -26,7 +26,10 @@ Array: TypeAlias = NDArray[np.float64]
 POINT_CLASSES: Looks = {code: (name, COLOURS[code]) for code, name in CLASSES.items()}
 """Name and colour of the point classes."""
 
-OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
+OTHER = (
+    *("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567"),
+    *("#2f4b7c", "#8c2d3a", "#2f6b45", "#5c2e6e"),
+)
 """Colours in turn, of what has none of its own."""
 PALE = 0.45  # how far the colours of planes without a name are from white
 RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
@@ -176,8 +179,7 @@ def cloud_image(cloud: PointCloud, show: Show | None = None) -> Image:
         case Planes():
             looks = _looks_of_planes(cloud, show)
             image = _from_front(cloud, show.attribute, show.attribute, looks)
-            largest = {code: look for code, look in looks.items() if code <= len(OTHER)}
-            return replace(image, key=largest)
+            return replace(image, key=_named(looks))
         case Values():
             lattice, shown = _from_above(cloud, cloud[show.attribute])
             ramp = ramp_of(show, shown, cloud.crs)
@@ -210,7 +212,8 @@ def point_key(cloud: PointCloud, show: Show | None = None) -> tuple[Array, Key]:
             values = cloud[show.attribute].astype(np.float64)
             return values, _table(_codes(values), show.looks)
         case Planes():
-            return cloud[show.attribute].astype(np.float64), _looks_of_planes(cloud, show)
+            looks = _looks_of_planes(cloud, show)
+            return cloud[show.attribute].astype(np.float64), _named(looks)
         case Values():
             values = cloud[show.attribute].astype(np.float64)
             return values, ramp_of(show, values, cloud.crs)
@@ -244,6 +247,11 @@ def _looks_of_planes(cloud: PointCloud, show: Planes) -> Looks:
     numbers = _codes(cloud[show.attribute].astype(np.float64))
     own = {number: (f"Plane {number}", _of_plane(number)) for number in numbers}
     return own | ({0: ("No plane", "#c9c9c9")} if 0 in own else {})
+
+
+def _named(looks: Looks) -> Looks:
+    """The planes that a key names: those with a colour of their own, the largest."""
+    return {code: look for code, look in looks.items() if code <= len(OTHER)}
 
 
 def _of_plane(number: int) -> str:

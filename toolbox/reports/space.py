@@ -18,7 +18,7 @@ from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
 from toolbox.declare.show import Classes, Planes, Show, Values
 from toolbox.pictures.draw import drawable
-from toolbox.pictures.images import LENGTHS, Ramp, point_key
+from toolbox.pictures.images import LENGTHS, OTHER, Ramp, point_key
 from toolbox.pictures.oblique import direction_of
 from toolbox.pictures.views import Item, view_png
 from toolbox.reports import words
@@ -26,7 +26,7 @@ from toolbox.reports.shapes import FILLED, items_of
 
 _MOST, _MOST_MARKED = 120_000, 20_000  # points of the scene, and of a layer above it
 _STEPS = 32_000  # of a coordinate to both sides of the middle, as 16 bits have
-_MOST_CLASSES = 12
+_MOST_CLASSES = len(OTHER) + 1  # each has a colour of its own; points of none are one more
 _COLOURS = ("#0b5fa5", "#d7261e", "#8e3fa8", "#e08a00", "#00806b", "#b0306a", "#5a6b00", "#6b4a2f")
 _OTHERS = "#b9bec5"
 

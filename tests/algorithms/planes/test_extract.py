@@ -608,6 +608,7 @@ def test_noise_of_real_shop_fronts(data: Callable[[str], Path], name: str) -> No
     [
         *((1, 0.5, 0.02, 75, 14), (2, 0.5, 0.02, 160, 23)),
         *((1, 1.0, 0.03, 50, 26), (1, 1.0, 0.03, 200, 42)),
+        *((1, 1.0, 0.03, 274, 202), (1, 1.0, 0.04, 337, 301)),  # cut by a slanted plane
     ],
 )
 def test_noisy_walls_are_not_joined_with_their_panes(

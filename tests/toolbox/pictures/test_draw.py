@@ -33,6 +33,7 @@ from toolbox.pictures.images import (
     Ramp,
     _looks_of_planes,
     cloud_image,
+    point_key,
     raster_image,
 )
 from toolbox.pictures.maps import _EMPTY
@@ -555,12 +556,21 @@ def walls(upright: bool = True) -> PointCloud:
 
 def test_a_plane_that_is_not_named_has_no_colour_of_one_that_is() -> None:
     rng = np.random.default_rng(1)
-    number = np.repeat(np.arange(1, 13, dtype=np.int32), 200)
-    xyz = np.column_stack([rng.random(2400) + number, rng.random(2400), number / 9])
+    number = np.repeat(np.arange(1, 21, dtype=np.int32), 200)
+    xyz = np.column_stack([rng.random(4000) + number, rng.random(4000), number / 9])
     cloud, way = PointCloud(xyz, {"plane_id": number}, crs=LAMBERT), show.Planes("plane_id")
-    assert list(cloud_image(cloud, way).key) == list(range(1, 9))
+    assert list(cloud_image(cloud, way).key) == list(range(1, 13))
+    assert list(point_key(cloud, way)[1]) == list(range(1, 13))  # of the view in space
     looks = _looks_of_planes(cloud, way)
-    assert len({colour for _, colour in looks.values()}) == 12
+    assert len({colour for _, colour in looks.values()}) == 20
+
+
+def test_each_word_of_a_key_has_a_colour_of_its_own() -> None:
+    words = [f"kind {k:02d}" for k in range(12)]
+    shapes = [shapely.box(k, 0, k + 1, 1) for k in range(12)]
+    layer = Vector(geopandas.GeoDataFrame({"kind": words}, geometry=shapes, crs=LAMBERT))
+    key = feature_key((layer, show.Classes("kind")))
+    assert len({colour for _, colour in key.values()}) == 12
 
 
 def test_planes_have_their_colours_and_walls_are_seen_from_the_front(tmp_path: Path) -> None:

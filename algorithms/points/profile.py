@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.cells import SortedCells
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.routes import IndexedRoute, Route, routes
 from toolbox.context import QUIET, Context, log
@@ -24,6 +25,7 @@ from toolbox.errors import DataError
 BATCH = 1_000_000  # points of a survey that are looked at at a time
 MOST = 2000  # sections; more are taken for a mistake in the spacing
 GREY = "#777777"  # of points without a class
+MARGIN = 1e-3  # of half a width around the points of a cell, so that a single one has an area
 ENDS = 1e-9  # share of a spacing by which the end of a line is no shorter
 
 Floats = NDArray[np.float64]
@@ -118,11 +120,8 @@ class PointsProfile:
             text = f"makes {len(sections)} sections, more than {MOST}; take a larger distance"
             raise DataError(f"every: {text}")
         cloud = self._near(sections, ctx.part(0.0, 0.5))
-        found = [
-            places_of(cloud.xyz[:, :2], section.line, self.width / 2, ctx.part(0.5, 0.5))
-            for section in sections
-        ]
-        ctx.progress(0.7)
+        lines = [section.line for section in sections]
+        found = list(places_of(cloud.xyz[:, :2], lines, self.width / 2, ctx.part(0.5, 0.7)))
         cut = _cut(cloud, found)
         firm = without_withheld(cloud, np.ones(len(cloud), bool), ctx)
         drawn = [place.of(firm[place.rows]) for place in found]
@@ -240,25 +239,49 @@ class Places(NamedTuple):
         return Places(self.rows[which], self.chainage[which], self.offset[which])
 
 
-def places_of(xy: Floats, line: Floats, half: float, ctx: Context = QUIET) -> Places:
-    """The points of shape (n, 2) within half a width of a line of shape (k, 2), and where they are.
+def places_of(
+    xy: Floats, lines: Sequence[Floats], half: float, ctx: Context = QUIET
+) -> Iterator[Places]:
+    """The points of shape (n, 2) within half a width of each line of shape (k, 2), and where.
 
-    Points nearest to an end of the line are beyond it, and left out, unless they are abeam of it.
+    Points nearest to an end of a line are beyond it, and left out, unless they are abeam of it.
 
     Examples
     --------
     >>> line = np.array([[0.0, 0.0], [10.0, 0.0]])
-    >>> places_of(np.array([[4.0, 0.5], [4.0, 2.0], [11.0, 0.0]]), line, 1.0)
-    Places(rows=array([0]), chainage=array([4.]), offset=array([0.5]))
+    >>> list(places_of(np.array([[4.0, 0.5], [4.0, 2.0], [11.0, 0.0]]), [line], 1.0))
+    [Places(rows=array([0]), chainage=array([4.]), offset=array([0.5]))]
     """
-    low, high = line.min(axis=0) - half, line.max(axis=0) + half
-    rows = np.flatnonzero(((xy >= low) & (xy <= high)).all(axis=1))
-    route = IndexedRoute(Route.of([np.column_stack([line, np.zeros(len(line))])]))
-    feet = route.feet(xy[rows], ctx)
-    side, abeam = route.sides(xy[rows], feet)
-    _, chainage, _ = route.at(feet)
-    inside = (feet.distance <= half) & abeam
-    return Places(rows[inside], chainage[inside], (side * feet.distance)[inside])
+    for number, (line, rows) in enumerate(zip(lines, _beside(xy, lines, half), strict=True)):
+        ctx.progress(number / len(lines))
+        route = IndexedRoute(Route.of([np.column_stack([line, np.zeros(len(line))])]))
+        feet = route.feet(xy[rows], ctx.part(number / len(lines), (number + 1) / len(lines)))
+        side, abeam = route.sides(xy[rows], feet)
+        _, chainage, _ = route.at(feet)
+        inside = (feet.distance <= half) & abeam
+        yield Places(rows[inside], chainage[inside], (side * feet.distance)[inside])
+
+
+def _beside(xy: Floats, lines: Sequence[Floats], half: float) -> Iterator[Indices]:
+    """Indices, rising, of the points in cells within half a width of each line: few too many."""
+    if not len(xy):
+        yield from (np.empty(0, np.intp) for _ in lines)
+        return
+    cells = SortedCells.of(np.column_stack([xy, np.zeros(len(xy))]), half)
+    starts, ends = cells.start[:-1], cells.start[1:]
+    margin = half * MARGIN
+    low = np.minimum.reduceat(cells.xyz[:, :2], starts) - margin
+    high = np.maximum.reduceat(cells.xyz[:, :2], starts) + margin
+    boxes: NDArray[Any] = np.asarray(shapely.box(*low.T, *high.T))
+    tree = shapely.STRtree(boxes)
+    shapes = [shapely.LineString(line) for line in lines]
+    number, cell = tree.query(shapes, predicate="dwithin", distance=half)
+    for chosen in np.split(cell, np.searchsorted(number, np.arange(1, len(lines)))):
+        runs = [
+            cells.order[first:last]
+            for first, last in zip(starts[chosen], ends[chosen], strict=True)
+        ]
+        yield np.sort(np.concatenate([np.empty(0, np.intp), *runs]))
 
 
 def across(line: Floats, every: float) -> Iterator[tuple[float, Floats, Floats]]:

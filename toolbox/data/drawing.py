@@ -287,8 +287,7 @@ class Drawing(Layer):
             move = np.array([panel.origin, -down])
             for group in np.unique(panel.group).astype(int):
                 name = self.groups[group][0]
-                for x, y in panel.xy[panel.group == group] + move:
-                    yield dxf.Entity(name, np.array([[x, y]]))
+                yield dxf.Entity(name, panel.xy[panel.group == group] + move, points=True)
             for line in panel.lines:
                 yield dxf.Entity("Surface", line + move)
             corner = np.array([panel.origin, low - down])

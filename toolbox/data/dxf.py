@@ -103,19 +103,21 @@ def _without_times() -> Iterator[None]:
 
 @dataclass(frozen=True, eq=False)
 class Entity:
-    """A point, line or text of a drawing in the plane.
+    """A line or text of a drawing in the plane, or points.
 
     Attributes
     ----------
     layer : its name
-    xy : of shape (k, 2): one place for a point or text, more for a line
-    text : to write at the place, of this `height`; "" for a point or line
+    xy : of shape (k, 2): one place for a text, more for a line
+    text : to write at the place, of this `height`; "" for points or a line
+    points : whether the places are points
     """
 
     layer: str
     xy: NDArray[np.float64]
     text: str = ""
     height: float = 0.0
+    points: bool = False
 
 
 def write_entities(
@@ -128,6 +130,8 @@ def write_entities(
     colours : of layers, as #rrggbb; others are black or white
     """
     from ezdxf.filemanagement import new
+
+    from toolbox.data.dxf_points import add_points
 
     with _without_times():
         drawing = new("R2010", units=_unit(crs))
@@ -145,8 +149,8 @@ def write_entities(
             if entity.text:
                 made = space.add_text(entity.text, height=entity.height, dxfattribs=how)
                 made.set_placement(tuple(entity.xy[0] - (0, 2 * entity.height)))
-            elif len(entity.xy) == 1:
-                space.add_point(tuple(entity.xy[0]), how)
+            elif entity.points:
+                add_points(space, entity.xy, name)
             else:
                 space.add_lwpolyline(entity.xy, dxfattribs=how)
         _save(drawing, path, np.pad(np.concatenate(corners), ((0, 0), (0, 1))))
@@ -172,6 +176,8 @@ def _save(drawing: Drawing, path: Path, places: NDArray[np.float64]) -> None:
         drawing.set_modelspace_vport(
             _AROUND * float(max(tall, wide / _SCREEN) or 1.0), tuple(middle.tolist())
         )
+    for kind in sorted(drawing.entitydb.dxf_types_in_use()):  # ezdxf takes them as they are hashed
+        drawing.classes.add_class(kind)
     drawing.saveas(path)
 
 

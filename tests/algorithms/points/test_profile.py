@@ -201,6 +201,32 @@ def test_a_dxf_has_units_layers_and_heights_as_they_are(tmp_path: Path) -> None:
     assert len(space.query("TEXT")) == 1
 
 
+def test_points_of_a_dxf_are_whole_entities(tmp_path: Path) -> None:
+    path = drawn(tmp_path, "a.dxf", every=50.0, length=40.0)
+    drawing = ezdxf.filemanagement.readfile(path)
+    points = drawing.modelspace().query("POINT")
+    values = {"width": 2.0, "every": 50.0, "length": 40.0}
+    found = PointsProfile(points=slope(), line=line(BEND), **values).run().section
+    assert len(points) == len(found) > 100
+    handles = re.findall(r"\n(?:  5|105)\n([0-9A-F]+)\n330\n", path.read_text())
+    assert len(set(handles)) == len(handles) > len(points)
+    assert not drawing.audit().errors
+    kinds = [made.dxf.name for made in drawing.classes]
+    assert kinds[:4] == sorted(kinds[:4])  # whatever the seed of hashes
+
+
+def test_each_of_many_sections_has_the_points_that_it_has_alone() -> None:
+    points = slope()
+    bends = [[(x + 3 * np.sin(y / 4), y) for y in range(-40, 90, 3)] for x in range(-10, 120, 7)]
+    many = PointsProfile(points=points, line=line(*bends), width=9.0).run().section
+    for number, bend in enumerate(bends, start=1):
+        alone = PointsProfile(points=points, line=line(bend), width=9.0).run().section
+        there = many.select(many["section"] == number)
+        assert len(alone) > 500
+        for name in ("x", "y", "z", "chainage", "offset"):
+            assert there[name].tolist() == alone[name].tolist()
+
+
 def test_sections_of_a_dxf_stand_below_each_other(tmp_path: Path) -> None:
     drawing = ezdxf.filemanagement.readfile(drawn(tmp_path, "a.dxf", every=50.0, length=40.0))
     frames = drawing.modelspace().query("LWPOLYLINE[layer=='Frame']")

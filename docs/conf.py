@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
 
 import toolbox
 
@@ -25,8 +28,20 @@ html_theme = "furo"
 html_title = "lidar-toolbox"
 html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_copy_source = False
 html_show_sphinx = False
 
 linkcheck_timeout = 20
 linkcheck_retries = 2
+
+
+def _language(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object) -> None:
+    """Say in which language a page is, so that it is read aloud in that one."""
+    if page.startswith("tr/"):
+        context["language"] = "tr"
+
+
+def setup(app: Sphinx) -> None:
+    """Called by Sphinx."""
+    app.connect("html-page-context", _language)

@@ -36,6 +36,15 @@ def test_links_lead_to_files(page: Path) -> None:
     assert not [link for link in links if not (page.parent / link).exists()]
 
 
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_pictures_say_what_they_show_and_columns_have_a_head(page: Path) -> None:
+    """For those who listen to the page."""
+    text = page.read_text("utf-8")
+    assert not re.findall(r"!\[\s*\]\([^)]*\)", text)
+    heads = re.findall(r"(?m)^(\|.*)\n\|(?: ?:?-+:? ?\|)+$", text)
+    assert not [head for head in heads if re.search(r"\|\s*\|", head)]
+
+
 def test_the_readme_quotes_the_figures_that_were_measured() -> None:
     """Each number of its table stands on the page that `make bench` writes."""
     readme = (ROOT / "README.md").read_text("utf-8")

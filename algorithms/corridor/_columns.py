@@ -5,7 +5,12 @@ from __future__ import annotations
 from toolbox.data.report import Column
 
 LENGTHS = {
-    "clearance": Column("Clearance", "m", 2),
+    "clearance": Column(
+        "Clearance",
+        "m",
+        2,
+        meaning="In the direction of the rule; of a tree that may fall, what is left if it does",
+    ),
     "clearance_low": Column("Clearance, least at other temperatures", "m", 2),
     "clearance_high": Column("Clearance, greatest at other temperatures", "m", 2, detail=True),
     "required": Column("Required", "m", 2),
@@ -69,7 +74,10 @@ SPANS = {
     "ground_high": Column("To the ground, greatest at other temperatures", "m", 2),
     "points_0_20": Column("Points at 0 to 20 m"),
     "points_20_30": Column("Points at 20 to 30 m"),
-    "objects": Column("Objects"),
+    "objects": Column(
+        "Objects worst in this state",
+        meaning="Objects, each counted in the state in which it is worst",
+    ),
 }
 
 KINDS = {

@@ -49,7 +49,7 @@ from algorithms.corridor._clearance.objects import (
     objects_of,
     with_falls,
 )
-from algorithms.corridor._clearance.report import report_of
+from algorithms.corridor._clearance.report import doubt, report_of
 from algorithms.corridor._clearance.rest import SURE, AtRest, Temperatures, band_of, extremes
 from algorithms.corridor._clearance.rules import (
     KINDS,
@@ -480,6 +480,8 @@ class CorridorClearance:
         """Measure the clearances, group the violations into objects, and report."""
         metric = self._in_metres()
         rules, conductor = metric._rules(), metric._conductor()
+        if doubtful := doubt(rules):
+            log.warning("%s", doubtful)
         line, temperatures, surveyed = metric._states(conductor)
         cloud = metric._cloud(line, rules, ctx.part(0.0, 0.3))
         surroundings = metric._surroundings(cloud, line, rules, ctx.part(0.3, 0.4))

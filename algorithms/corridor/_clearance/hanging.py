@@ -56,8 +56,8 @@ def parted_from_hanging(
 ) -> Surroundings:
     """Surroundings in which what hangs in mid-air is no plant; its kinds are in `hanging`.
 
-    A chain of points no farther apart than `gap` hangs if all of it is within `gap` of a wire or of
-    a point of the line, at the end of a wire or at a tower, or if it has fewer points than an
+    A chain of points no farther apart than `gap` hangs if most of it is within `gap` of a wire or
+    of a point of the line, at the end of a wire or at a tower, or if it has fewer points than an
     object; and if nothing else is within `free_air` to its side that reaches higher than `free_air`
     below it, nor the ground.
 
@@ -79,7 +79,7 @@ def parted_from_hanging(
         xyz[plants], kind[plants], line, xyz[of_line], gap=gap, attachment=attachment, ctx=ctx
     )
     count = np.bincount(group)
-    slender = (np.bincount(group, held) == count) | (count < fewest)
+    slender = (2 * np.bincount(group, held) > count) | (count < fewest)
     may = np.zeros(len(kind), bool)
     may[plants] = slender[group]
     low = surroundings.low >= 0  # too low to be objects, but others may grow from them

@@ -19,6 +19,7 @@ from algorithms.corridor._clearance.distances import (
     UNCLASSIFIED,
     Violations,
     clearance_sd,
+    distances,
     fall_in,
     find_violations,
 )
@@ -157,7 +158,7 @@ def falling_trees(
     point_sd: float,
     ctx: Context = QUIET,
 ) -> Violations:
-    """Violations by the tops of trees that reach a wire if they fall.
+    """Violations by the tops of trees that reach a wire if they fall; distances as they stand.
 
     Parameters
     ----------
@@ -174,19 +175,22 @@ def falling_trees(
         line.curves,
         ctx=ctx,
     )
-    hit = left < 0
-    nan = np.full(int(hit.sum()), np.nan)
+    hit = np.flatnonzero(left < 0)
     sd = clearance_sd(line.curves, state[hit], wire[hit], u[hit], point_sd)
+    standing = [
+        distances(surroundings.xyz[[tops[k]]], line.curves[state[k]][wire[k]])[0] for k in hit
+    ]
+    space, vertical, flat, _ = np.reshape(standing, (-1, 4)).T
     return Violations(
         tops[hit],
         wire[hit],
-        np.full(len(nan), rule),
+        np.full(len(hit), rule),
         state[hit],
         left[hit],
         left[hit],
-        nan,
-        nan,
-        nan,
+        space,
+        vertical,
+        flat,
         u[hit],
         sd,
         ndtr(-left[hit] / sd),

@@ -204,13 +204,19 @@ def _summary(
     text += f"\nPoints of objects at 0-20 m from the wires: {near}; at 20-30 m: {farther}."
     if not np.isfinite(surroundings.height).any():
         text += "\nNo point is ground: heights are not known, and falling trees not looked for."
-    doubtful = [f"{r.kind} ({r.threshold:g} m, {r.id})" for r in rules if not r.confirmed]
-    if doubtful:
-        text += (
-            f"\nNot confirmed: the distances required for {', '.join(doubtful)}. They were not "
-            "found in a document; look them up in the regulation before you rely on them."
-        )
-    return text
+    doubtful = doubt(rules)
+    return f"{text}\n{doubtful[0].upper()}{doubtful[1:]}." if doubtful else text
+
+
+def doubt(rules: Sequence[Rule]) -> str:
+    """Which required distances nobody has looked up in a document; "" for none."""
+    unsure = [f"{r.kind} ({r.threshold:g} m, {r.id})" for r in rules if not r.confirmed]
+    if not unsure:
+        return ""
+    return (
+        f"not confirmed: the distances required for {', '.join(unsure)}. They were not "
+        "found in a document; look them up in the regulation before you rely on them"
+    )
 
 
 def _in_clumps(listed: pd.DataFrame) -> str:
@@ -571,13 +577,20 @@ def _profile(
     worst = ""
     if spots:
         urgent = spots[0][1]
-        worst = f"; the most urgent: {urgent.measure:.2f} m, {rules[urgent.rule].id}"
+        worst = f"; the most urgent: {_urgency(urgent, rules[urgent.rule])}"
     caption = (
         f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(spots)} objects{worst}. "
         f"Points up to {PROFILE_BESIDE:.0f} m to the side, darker the ground up to "
         f"{RIGHT_BELOW:.0f} m from below a wire; numbers as in the list."
     )
     return Figure(drawing.svg(), caption)
+
+
+def _urgency(one: Object, rule: Rule) -> str:
+    """What an object lacks: a tree that may fall is as high as its foot is far, and more."""
+    if rule.id == FALLING.id:
+        return f"a tree that reaches {-one.measure:.2f} m beyond the wire if it falls"
+    return f"{one.measure:.2f} m, {rule.id}"
 
 
 def _draw_below(

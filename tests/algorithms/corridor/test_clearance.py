@@ -195,6 +195,22 @@ def test_a_crown_without_a_trunk_beside_a_wire_is_a_tree() -> None:
     assert (found["critical_count"], found["unsure_count"]) == (1, 0)
 
 
+def test_what_hangs_mostly_on_the_line_is_not_sure_to_be_a_tree() -> None:
+    """Seven points within a gap of the wire, and three of the same arm that reach farther."""
+    arm = bits(150.0, 0.0, 10) + np.outer(np.arange(10), [0.0, 0.25, 0.0])
+    found = run(hung(arm), distance=5.0)
+    assert (found["object_count"], found["unsure_count"]) == (0, 1)
+    farther = arm + np.array([0.0, 1.2, 0.0])  # half of them are within a gap, which is not most
+    found = run(hung(farther), distance=5.0)
+    assert (found["object_count"], found["unsure_count"]) == (1, 0)
+
+
+def test_distances_that_nobody_confirmed_are_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    table = Table(pd.DataFrame([row(confirmed=False)]))
+    run(hung(bits(150.0, 9.0, 3)), rule_table=table)
+    assert "not confirmed: the distances required for tree" in caplog.text
+
+
 def test_what_hangs_far_from_all_rules_is_told() -> None:
     found = run(hung(bits(150.0, 9.0, 2)), distance=2.0)
     assert found["unsure_count"] == 0
@@ -626,6 +642,9 @@ def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
     low = LEVEL.height(np.array(150.0))
     assert frame.clearance[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
     assert frame.severity[1] == "watch"
+    # As it stands: no nearer than its crown is to the side, and above the wire.
+    assert frame.distance[1] == pytest.approx(math.hypot(15, 34.0 - low), abs=0.6)
+    assert (frame.vertical[1], frame.horizontal[1]) == pytest.approx((low - 34.0, 15), abs=0.6)
     assert run(points, distance=5.0, falling=False)["object_count"] == 1
 
 

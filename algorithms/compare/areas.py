@@ -55,9 +55,9 @@ RELATIONS = ("1:1", "1:n", "n:1", "n:m", "1:0", "0:1")
 
 Row = dict[str, Any]
 LOOKS = {  # each as the layer that is there alone has on the map of a report
-    "agree": ("agree", "#6a3d9a"),
-    "commission": ("commission", "#0b5fa5"),
-    "omission": ("omission", "#d7261e"),
+    "agree": ("in both", "#6a3d9a"),
+    "commission": ("only in the polygons", "#0b5fa5"),
+    "omission": ("only in the reference", "#d7261e"),
 }
 
 

@@ -33,9 +33,9 @@ VERTICES = {
     "data_edge": Column("Edge of the data"),
 }
 CURVE = {
-    "level": Column("Level in the unit of its heights", "", 2),
+    "level": Column("Level in the unit of its heights", "", 3),
     "unit": Column("Unit of heights"),
-    "level_m": Column("Level", "m", 2),
+    "level_m": Column("Level", "m", 3),
     "area_m2": Column("Area", "m²", 0),
     "volume_m3": Column("Volume", "m³", 0),
     "area_low_m2": Column("Least area (95 %)", "m²", 0),
@@ -44,7 +44,7 @@ CURVE = {
     "volume_high_m3": Column("Greatest volume (95 %)", "m³", 0),
     "area_gain_m2": Column("Gain of area", "m²", 0),
     "volume_gain_m3": Column("Gain of volume", "m³", 0),
-    "apart_m2": Column("Area apart, not filled", "m²", 0),
+    "apart_m2": Column("Low ground that no water reaches yet", "m²", 0),
     "open": Column("Reaches the edge of the data"),
     "overtopped": Column("Above the rim of the lake"),
     "heights": Column("Heights"),

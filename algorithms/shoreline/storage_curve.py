@@ -163,6 +163,7 @@ class ShorelineStorageCurve:
                 ),
                 upright=True,
                 shaded="open",
+                shaded_as="beyond the data, too",
             ),
             label="Storage curve",
             columns=columns.CURVE,
@@ -195,9 +196,9 @@ class ShorelineStorageCurve:
             if OVERTOPPED in frame:
                 above = "the level of the survey, that is"
             words = (
-                f"At a level of {levels.iloc[-1]:.2f} m the basin has an area of {self.area:.0f} "
-                f"m² and holds {self.volume:.0f} m³ above {above} {self.lowest_ground:.2f} m. "
-                f"The curve has {len(frame)} levels from {levels.iloc[0]:.2f} m on."
+                f"At a level of {levels.iloc[-1]:.3f} m the basin has an area of {self.area:.0f} "
+                f"m² and holds {self.volume:.0f} m³ above {above} {self.lowest_ground:.3f} m. "
+                f"The curve has {len(frame)} levels from {levels.iloc[0]:.3f} m on."
             )
             return words if self.spill is None else f"{words} {self._runs_over()}"
 
@@ -205,7 +206,7 @@ class ShorelineStorageCurve:
             """Level and place of the spill."""
             (place,) = self.spill_point.frame.geometry
             at = f"{place.x:.1f}, {place.y:.1f}"
-            return f"The lake runs over its rim at {self.spill:.2f} m, at {at}."
+            return f"The lake runs over its rim at {self.spill:.3f} m, at {at}."
 
         def not_looked_at(self) -> Iterator[str]:
             """Ground that is missing, and levels at which the water leaves the data."""

@@ -275,6 +275,7 @@ class Curve:
     dots : a dot on each row
     dashed : column that is true in the row where a dashed line is drawn
     shaded : column that is true from the row on from which the ground is grey
+    shaded_as : what that stands for; the name of the column if it is not said
     """
 
     layers: ClassVar[tuple[Any, ...]] = (Table,)
@@ -286,6 +287,7 @@ class Curve:
     dots: bool = False
     dashed: str = ""
     shaded: str = ""
+    shaded_as: str = ""
 
     def __post_init__(self) -> None:
         if not all(isinstance(axis, Axis) for axis in (self.over, *self.lines)):

@@ -13,7 +13,7 @@ from toolbox.data import Table, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.declare.show import Axis, Curve, Histogram, Profile
 from toolbox.pictures.images import LENGTHS
-from toolbox.pictures.maps import INK, WIDTH, Place, fractions
+from toolbox.pictures.maps import INK, LEFT, WIDTH, Place, fractions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -221,6 +221,7 @@ class Curves:
         pad = 28 if self.upright and two else 6
         axes.set_title(self.title, fontsize=10, color=INK, loc="left", pad=pad, fontweight="bold")
         axes.grid(color="#e4e4e4", lw=0.5)
+        _keep_right_of(figure, left - LEFT, sides)
 
     def _draw_line(self, axes: Axes, line: Line, colour: str) -> None:
         dots = {"marker": "o", "ms": 3.0} if self.dots else {}
@@ -239,10 +240,20 @@ class Curves:
         axes.spines[:].set_color("#9a9a9a")
 
 
+def _keep_right_of(figure: Figure, edge: float, sides: Sequence[Axes]) -> None:
+    """Make axes narrower whose texts reach beyond an edge, in inches: levels have many digits."""
+    found = sides[0].get_tightbbox()
+    beyond = edge - found.x0 / figure.dpi if found else 0.0
+    if beyond > 0:
+        share, box = beyond / figure.get_figwidth(), sides[0].get_position()
+        for side in sides:
+            side.set_position((box.x0 + share, box.y0, box.width - share, box.height))
+
+
 def _meaning(show: Curve, grey: bool) -> str:
     """What the dashed line and the grey ground of a chart stand for."""
     dashed = f"; dashed: the {show.dashed}" if show.dashed else ""
-    return f"{dashed}; grey: {show.shaded}" if grey else dashed
+    return f"{dashed}; grey: {show.shaded_as or show.shaded}" if grey else dashed
 
 
 def _unit(table: Table, column: str) -> str:

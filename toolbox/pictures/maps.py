@@ -32,7 +32,7 @@ _LINE, _SHADOW = "#1f3a5f", "#9a9a9a"
 WIDTH = 4.4  # inches of a map
 _FLATTEST, _TALLEST = 0.25, 1.6  # height of a map to its width
 _TICK_TEXT = 0.5  # inches that a coordinate of nine digits takes
-_LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for its texts
+LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for its texts
 
 
 @dataclass(frozen=True)
@@ -136,11 +136,11 @@ def arrange(figure: Figure, panels: Sequence[Drawn]) -> list[Place]:
     heights = [max(panel.height for panel in row) for row in rows]
     keys = [max(panel.key_height for panel in row) for row in rows]
     y = sum(heights) + sum(keys) + len(rows) * (_HEAD + _FOOT) + 0.1
-    figure.set_size_inches(columns * (WIDTH + _GAP) + _LEFT - _GAP + 0.15, y)
+    figure.set_size_inches(columns * (WIDTH + _GAP) + LEFT - _GAP + 0.15, y)
     places = []
     for row, height, key in zip(rows, heights, keys, strict=True):
         for column, panel in enumerate(row):
-            x, bottom = _LEFT + column * (WIDTH + _GAP), y - _HEAD - panel.height
+            x, bottom = LEFT + column * (WIDTH + _GAP), y - _HEAD - panel.height
             below = (x, bottom - _FOOT - key, WIDTH, key - 0.05)
             places.append(Place((x, bottom, WIDTH, panel.height), below))
         y -= _HEAD + height + _FOOT + key

@@ -38,6 +38,7 @@ _MOST_FEATURES, _MOST_CORNERS = 3000, 60_000  # of a layer, and of all layers to
 _CROWDED = 500  # points of a layer, such as corners of outlines, that would hide all others
 _FINEST = 20_000  # steps of coordinates in the width of the map
 _MARGIN = 0.04  # around what is drawn
+_SHAPES = ("area", "line", "point")  # by how they lie over each other
 _BRIGHT = (Values("intensity", "Intensity"),)
 _COLOURS = ("#0b5fa5", "#d7261e", "#8e3fa8", "#e08a00", "#00806b", "#b0306a", "#5a6b00", "#6b4a2f")
 """Of layers that say none; each is seen on light and on dark, and none comes twice."""
@@ -58,10 +59,9 @@ def maps_of(
     shown = drawable(found, spec.results)
     titles = {name: words.titled(field) for name, field in {**spec.sources, **spec.results}.items()}
     bases = list(_bases(shown, given, titles))
-    waiting: dict[str, Shown] = {
-        n: (v, ()) for n, v in given.items() if isinstance(v, Vector) and len(v)
-    }
-    waiting |= {n: pair for n, pair in shown.items() if isinstance(pair[0], Vector)}
+    # Results have the first colours, whatever they are compared with.
+    waiting = {n: pair for n, pair in shown.items() if isinstance(pair[0], Vector)}
+    waiting |= {n: (v, ()) for n, v in given.items() if isinstance(v, Vector) and len(v)}
     if bases:
         together = _together(bases[0][1].bounds, bases[0][2], waiting)
         yield "Map", _map(bases, together, titles)
@@ -202,7 +202,12 @@ def _overlays(
             hidden = kept > _CROWDED and {g["shape"] for g in groups} == {"point"}
             title = titles[name]
             made.append({"name": title, "table": table, "groups": groups, "hidden": hidden})
-    return made, left_out
+    return sorted(made, key=_height), left_out
+
+
+def _height(layer: Mapping[str, Any]) -> int:
+    """How far up a layer lies: areas below lines, and these below points."""
+    return max(_SHAPES.index(group["shape"]) for group in layer["groups"])
 
 
 def _classes(
@@ -232,7 +237,7 @@ def _features(
         if dimension:
             shape = shapely.simplify(shape, coarse)
         parts = [_corners(ring, origin, digits) for ring in _rings(shape)]
-        made.setdefault(("point", "line", "area")[dimension], []).append([row, parts])
+        made.setdefault(_SHAPES[-1 - dimension], []).append([row, parts])
     return made
 
 

@@ -558,6 +558,6 @@ def test_on_the_map_of_the_report_what_is_alone_has_the_colour_of_its_layer() ->
     given = {"areas": areas, "reference": reference}
     ((_, plot),) = maps_of(catalog.load("compare.areas"), run("compare.areas", given), given)
     colours = {g["name"]: g["colour"] for part in plot.data["layers"] for g in part["groups"]}
-    assert colours["commission"] == colours["Areas"]
-    assert colours["omission"] == colours["Reference"]
+    assert colours["only in the polygons"] == colours["Areas"]
+    assert colours["only in the reference"] == colours["Reference"]
     assert len(set(colours.values())) == 3

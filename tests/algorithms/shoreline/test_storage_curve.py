@@ -401,8 +401,8 @@ def test_the_curve_of_a_lake_begins_at_its_level_and_ends_where_it_runs_over() -
     assert found.opens is None
     place = found.spill_point.frame.geometry.iloc[0]
     assert (place.x, place.y) == (500_009.5, 4_399_982.5), "the last cell of the gap"
-    assert "runs over its rim at 11.50 m, at 500009.5, 4399982.5" in found.in_words()
-    assert "above the level of the survey, that is 10.00 m" in found.in_words()
+    assert "runs over its rim at 11.500 m, at 500009.5, 4399982.5" in found.in_words()
+    assert "above the level of the survey, that is 10.000 m" in found.in_words()
     assert frame["level"].tolist() == [10.0, 10.5, 11.0, 11.5]
     assert frame["area_m2"].iloc[0] == pytest.approx(100.0), "nothing of the valley"
     other = ShorelineStorageCurve(terrain=terrain, lowest=10.0, step=0.5, highest=11.5).run()

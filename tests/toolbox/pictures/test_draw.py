@@ -403,10 +403,15 @@ def test_a_storage_curve_has_two_axes(tmp_path: Path) -> None:
         (show.Axis("area_m2", "area", "m²"), show.Axis("volume_m3", "volume", "m³")),
         upright=True,
         shaded="open",
+        shaded_as="lower limits",
     )
     curve = Curves.of("curve", table, way)
     assert curve is not None
-    assert (curve.over.label, curve.shaded, curve.dashed) == ("level, m; grey: open", 9.0, None)
+    assert (curve.over.label, curve.shaded, curve.dashed) == (
+        "level, m; grey: lower limits",
+        9.0,
+        None,
+    )
     assert [line.label for line in curve.lines] == ["area, 1000 m²", "volume, million m³"]
     assert curve.lines[1].values[-1] == 45
     assert has_something_to_see(table, (way,))
@@ -416,6 +421,15 @@ def test_a_storage_curve_has_two_axes(tmp_path: Path) -> None:
         near = np.all(np.abs(picture - to_rgba(colour)[:3]) < 2 / 255, axis=-1)
         assert near.sum() > least, colour
     assert Curves.of("short", Table(table.frame[:1]), way) is None
+
+
+def test_the_label_of_long_levels_is_not_cut(tmp_path: Path) -> None:
+    """Levels of six digits push it to the left, where the picture ends."""
+    rows = ({"level": 805.805 + 0.005 * k, "area": 900.0 + k} for k in range(9))
+    way = show.Curve(show.Axis("level", "level"), (show.Axis("area", "area"),), upright=True)
+    draw({"curve": (Table.from_rows(rows), (way,))}, tmp_path / "a.png")
+    edge = read(tmp_path / "a.png")[:, :2, :3]
+    assert edge.min() == 1.0, "white"
 
 
 @pytest.mark.parametrize("upright", [True, False])

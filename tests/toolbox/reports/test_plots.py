@@ -61,6 +61,18 @@ def test_a_large_layer_takes_no_features_from_a_small_one() -> None:
     assert len(set(colours)) == len(colours) == 4
 
 
+def test_areas_lie_below_lines_and_what_was_found_has_the_first_colour() -> None:
+    """The water that was found is blue, the map that it is compared with is red."""
+    ((_, plot),) = maps_of(SPEC, dict(reversed(found().items())), {"points": cloud()})
+    shapes = [part["groups"][0]["shape"] for part in plot.data["layers"]]
+    assert shapes == ["area", "line", "point"]
+    lake = layer([shapely.box(0, 0, 50, 50)])
+    spec = catalog.load("models.reservoir_storage")
+    ((_, plot),) = maps_of(spec, {"water": found()["water"]}, {"reference": lake})
+    colours = {part["name"]: part["groups"][0]["colour"] for part in plot.data["layers"]}
+    assert colours == {"Water": "#0b5fa5", "Reference": "#d7261e"}
+
+
 def test_holes_turn_the_other_way_so_that_they_stay_empty() -> None:
     ((_, plot),) = maps_of(SPEC, found(), {})
     ((row, (outer, hole)),) = plot.data["layers"][0]["groups"][0]["features"]

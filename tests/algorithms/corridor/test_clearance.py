@@ -643,7 +643,7 @@ def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
     assert frame.clearance[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
     assert frame.severity[1] == "watch"
     # As it stands: no nearer than its crown is to the side, and above the wire.
-    assert frame.distance[1] == pytest.approx(math.hypot(15, 34.0 - low), abs=0.6)
+    assert frame["distance"][1] == pytest.approx(math.hypot(15, 34.0 - low), abs=0.6)
     assert frame.vertical[1] == pytest.approx(low - 34.0, abs=0.6)
     assert frame.horizontal[1] == pytest.approx(15, abs=0.6)
     assert run(points, distance=5.0, falling=False)["object_count"] == 1

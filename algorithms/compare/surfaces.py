@@ -34,6 +34,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import crs_conflict
 from toolbox.data.layer import extents
+from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -157,6 +158,13 @@ class CompareSurfaces:
         errors: Vector = sink(
             "The largest errors, the largest first",
             show=show.Values("error", length=True, centred=True),
+            columns={
+                "rank": Column("Rank"),
+                "error": Column("Error", "unit", 3),
+                "surface": Column("Height of the surface", "unit", 3),
+                "reference": Column("True height", "unit", 3),
+                "cover": Column("Land cover"),
+            },
         )
         histogram: Table = sink(
             "Number of errors by size: low, high, count, unit",
@@ -432,6 +440,11 @@ class CompareSurfaces:
             geometry=shapely.points(np.column_stack([found.xy[few], found.surface[few]])),
             crs=self.surface.crs,
         )
+        if self.checkpoints is not None:  # their names, by which they are found again
+            own = self.checkpoints.frame.drop(columns=self.checkpoints.frame.geometry.name)
+            named = own.iloc[found.number[few]].reset_index(drop=True)
+            kept = [name for name in named if name not in frame]
+            frame = frame.join(named[kept])
         return Vector(frame, geometry_type="Point Z")
 
 

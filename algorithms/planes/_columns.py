@@ -72,6 +72,7 @@ SCHEDULE = {
     "front_id": OPENINGS["front_id"],
     "opening_id": OPENINGS["opening_id"],
     "kind": OPENINGS["kind"],
+    "left_mm": Column("From the left end of the front", "mm", 0),
     "width_mm": Column("Width", "mm", 0),
     "height_mm": Column("Height", "mm", 0),
     "sill_mm": Column("Sill above the foot", "mm", 0),

@@ -168,15 +168,17 @@ class Sheet:
             self._add(
                 "dimensions", shapely.LineString([(x - tick, y - tick), (x + tick, y + tick)])
             )
-        for one, other in pairwise(places):
+        # Places are rounded, not the lengths between them, or these would not add up to the whole.
+        steps = np.round((places - places[0]) / self.rounding)
+        for (one, other), length in zip(pairwise(places), np.diff(steps), strict=True):
             x, y = _at(
                 (one + other) / 2, across + 0.8 * self.size * (1 if along == 0 else -1), along
             )
-            self._text("dimensions", self._number(other - one), x, y, angle=90.0 * along)
+            self._text("dimensions", self._number(length), x, y, angle=90.0 * along)
 
-    def _number(self, length: float) -> str:
-        """A length as it stands in the drawing."""
-        value = round(length / self.rounding) * self.rounding / self.metre * self.shown
+    def _number(self, steps: float) -> str:
+        """So many steps of the rounding, as they stand in the drawing."""
+        value = steps * self.rounding / self.metre * self.shown
         digits = max(0, math.ceil(-math.log10(self.rounding / self.metre * self.shown) - 1e-9))
         return f"{value:.{digits}f}"
 
@@ -297,14 +299,20 @@ def levels(boxes: Floats, bottom: float, top: float) -> Floats:
 def schedule(frame: geopandas.GeoDataFrame, metre: float) -> Table:
     """Table of the openings of an elevation, lengths in millimetres."""
     found = frame[~frame["kind"].isin(["facade", columns.UNSEEN])]
+    walls = frame[frame["kind"] == "facade"]
+    ends = walls.bounds["minx"].groupby(walls["front_id"]).min()
+    lengths = {
+        "left": found.bounds["minx"] - found["front_id"].map(ends),
+        **{name: found[name] for name in ("width", "height", "sill")},
+    }
     rows = pd.DataFrame(
         {
             "front_id": found["front_id"].astype("int64"),
             "opening_id": found["opening_id"].astype("int64"),
             "kind": found["kind"].astype(str),
             **{
-                f"{n}_mm": (found[n] / metre * MILLIMETRES).round().astype("int64")
-                for n in ("width", "height", "sill")
+                f"{name}_mm": (length / metre * MILLIMETRES).round().astype("int64")
+                for name, length in lengths.items()
             },
         }
     )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
 _ALWAYS = ("cell", "rules", "voltage")  # settings that are told also at their defaults
+_INSTEAD = {"rules": "distance"}  # a setting that is not used where another one is given
 _MOST_FILES = 4  # that are named
 
 
@@ -80,6 +81,8 @@ def chosen_settings(spec: Spec, record: Record | None) -> str:
     parts = []
     for name, value in record.parameters.items():
         field = spec.inputs[name]
+        if record.parameters.get(_INSTEAD.get(name, "")) is not None:
+            continue
         default = None if field.required else field.to_json(field.default)
         if value is not None and (value != default or name in _ALWAYS):
             unit = "" if isinstance(value, str) else unit_text(field.unit)

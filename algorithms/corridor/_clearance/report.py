@@ -22,6 +22,7 @@ from algorithms.corridor._clearance.surroundings import LineStates, Object, Surr
 from algorithms.corridor._curves.catenary import Catenary
 from toolbox.context import QUIET, Context
 from toolbox.data import Figure, Report, Rows, Section, Table, Vector
+from toolbox.data.crs import short_unit
 from toolbox.data.report import Head
 
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
@@ -243,7 +244,10 @@ def _list(listed: pd.DataFrame) -> list[Rows | str]:
     if not len(listed):
         return ["Nothing breaks a rule."]
     places = Vector(listed[[*LISTED, "geometry"]]).listed()
-    rows = Rows(places, LIST_CAPTION, MOST_OBJECTS, columns.OBJECTS, "objects")
+    unit: str = short_unit(listed.crs) if listed.crs else ""
+    elevation = replace(columns.OBJECTS["elevation"], unit=unit)
+    how = {**columns.OBJECTS, "elevation": elevation}
+    rows = Rows(places, LIST_CAPTION, MOST_OBJECTS, how, "objects")
     return [replace(rows, most_printed=MOST_OBJECTS)]
 
 

@@ -247,6 +247,16 @@ def test_land_cover_of_checkpoints_by_hand() -> None:
     assert out.errors.frame["cover"].tolist()[:2] == ["forest", "road"]  # of 0.8 and -0.3
 
 
+def test_the_largest_errors_keep_the_names_of_the_checkpoints() -> None:
+    out = CompareSurfaces(
+        surface=slope(),
+        checkpoints=checks(id=["P1", "P2", "P3", "P4", "P5"], rank=[7] * 5),
+        largest_errors=2,
+    ).run()
+    assert out.errors.frame["id"].tolist() == ["P5", "P1"]
+    assert out.errors.frame["rank"].tolist() == [1, 2], "an own column of that name stays"
+
+
 @pytest.mark.parametrize(
     ("count", "wanted", "says"),
     [

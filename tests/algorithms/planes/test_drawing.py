@@ -76,6 +76,14 @@ def test_what_was_not_seen_is_crossed_out() -> None:
     ]
 
 
+def test_dimensions_add_up_to_the_whole() -> None:
+    """Places at .004 m beyond each step: lengths rounded one by one would lack a centimetre."""
+    frame = elevation().frame.iloc[:2].copy()
+    frame.geometry = [shapely.box(0, 0, 3.014, 5), shapely.box(1.004, 0, 2.009, 2)]
+    drawn = PlanesDrawing(elevation=Vector(frame)).run().drawing.frame
+    assert texts(drawn, "dimensions")[:4] == ["1.00", "1.01", "1.00", "3.01"]
+
+
 def test_millimetres() -> None:
     found = PlanesDrawing(elevation=elevation(), unit="mm", rounding=0.005).run().drawing
     assert texts(found.frame, "dimensions")[5] == "10000"
@@ -88,11 +96,11 @@ def test_millimetres() -> None:
 def test_the_schedule_is_in_millimetres_whatever_the_unit() -> None:
     for made in (elevation(), elevation("local:mm", 1000.0)):
         rows = PlanesDrawing(elevation=made).run().schedule.rows()
-        found = [(r["kind"], r["width_mm"], r["height_mm"], r["sill_mm"]) for r in rows]
-        assert found == [
-            ("door", 1000, 2100, 0),
-            ("window", 1500, 1500, 1000),
-            ("window", 1500, 1000, 4000),
+        names = ("kind", "left_mm", "width_mm", "height_mm", "sill_mm")
+        assert [tuple(row[name] for name in names) for row in rows] == [
+            ("door", 1000, 1000, 2100, 0),
+            ("window", 4000, 1500, 1500, 1000),
+            ("window", 4000, 1500, 1000, 4000),
         ]
 
 
@@ -109,9 +117,9 @@ def test_the_schedule_has_the_depth_in_millimetres_where_it_is_known(tmp_path: P
         table.save(tmp_path / f"{crs[-2:]}.csv")
         lines = (tmp_path / f"{crs[-2:]}.csv").read_text().splitlines()
         assert lines[1:] == [
-            "1,1,door,1000,2100,0,,0.963",
-            "1,2,window,1500,1500,1000,164,0.963",
-            "1,3,window,1500,1000,4000,164,0.963",
+            "1,1,door,1000,1000,2100,0,,0.963",
+            "1,2,window,4000,1500,1500,1000,164,0.963",
+            "1,3,window,4000,1500,1000,4000,164,0.963",
         ]
 
 

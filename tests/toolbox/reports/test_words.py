@@ -16,10 +16,13 @@ from toolbox.cli.main import main
 from toolbox.cli.replay import replay
 from toolbox.data import PointCloud, Rows, Table, Vector
 from toolbox.data.crs import parse_crs
+from toolbox.data.reading import Reading
 from toolbox.data.report import Column
 from toolbox.declare.kinds import parsed_options
 from toolbox.reports import words
+from toolbox.reports.facts import chosen_settings
 from toolbox.reports.page import page
+from toolbox.runs.lineage import record_of
 
 CRS = parse_crs("EPSG:28992+5709")
 SECONDS = 1.0e9  # adjusted standard GPS time is less by so many
@@ -60,6 +63,15 @@ def test_the_head_tells_project_survey_and_reference_system(tmp_path: Path) -> N
     text = (tmp_path / "a.html").read_text()
     assert "<h1>Terrain of the city</h1>" in text
     assert replay(tmp_path / "a.html") == []
+
+
+def test_rules_are_not_told_where_one_distance_stands_in_their_place() -> None:
+    spec = catalog.load("corridor.clearance")
+    made = record_of(spec, {"voltage": 110.0}, {}, Reading())
+    assert "Rule set" in chosen_settings(spec, made)
+    made = record_of(spec, {"voltage": 110.0, "distance": 5.0}, {}, Reading())
+    assert "Rule set" not in chosen_settings(spec, made)
+    assert "5 m" in chosen_settings(spec, made)
 
 
 @pytest.mark.slow

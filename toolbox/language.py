@@ -25,7 +25,10 @@ _said: ContextVar[str] = ContextVar("language", default="")
 VARIABLES = ("TOOLBOX_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
 TOLD = "told.po"  # texts with values in them
 _VALUE = re.compile(r"\{\d+\}")
+_NAME = re.compile(r"[a-z_]+")
 _PARTS = re.compile(r"(?<=[;:.]) +")
+_LONG = 40  # letters of a text by which it is known, whatever its values hold
+_SHORT = 8  # letters that many texts have, so that the first value must be a number
 _FILE = r"(?P<file>(?:\w+: )?\S*\w\.\w\S* )?"  # what a text is about, which begins with its verb
 # A decimal number by itself: no part of a name, of a path, of a version or of an address.
 _DECIMAL = re.compile(r"(?<![\w./:-])([-+]?\d+)\.(\d+)(?![\w/]|\.\w|-\d)")
@@ -117,19 +120,37 @@ def _line(code: str, line: str) -> str:
 
 def _known(code: str, text: str) -> str | None:
     """A text of the catalogue with its values; these may be texts, too."""
+    bare, ending = (text[:-1], text[-1]) if text[-1] in ".,;:" else (text, "")
+    if made := _whole(code, text, ""):
+        return made
+    if made := _whole(code, bare, ending) or _filled(code, bare):
+        return made + ending
+    if made := _filled(code, text):
+        return made
+    name, _, rest = text.partition(" ")  # of a file, before what is wrong with it
+    if rest and "." in name[:-1] and (said := _known(code, rest)):
+        return f"{name} {said}"
+    return None
+
+
+def _whole(code: str, text: str, ending: str) -> str | None:
+    """A text without values, or several between commas; a name before a colon stays."""
     exact = catalogue(code)
-    for english, ending in ((text, ""), (text[:-1], text[-1:])):
-        if ending in ("", ".", ",", ";", ":") and (whole := exact.get(english)):
-            return whole + ending
+    if text in exact and not (ending == ":" and _NAME.fullmatch(text)):
+        return exact[text]
+    names = text.split(", ")
+    known = all(name in exact or len(name) == 1 for name in names)
+    return ", ".join(exact.get(name, name) for name in names) if known and names[1:] else None
+
+
+def _filled(code: str, text: str) -> str | None:
+    """A text with values."""
     for pattern, translated in _patterns(code):
         if found := pattern.fullmatch(text):
             named = found.groupdict()
             file = named.pop("file", "") or ""
             values = {name[1:]: _line(code, value) for name, value in named.items()}
             return file + _VALUE.sub(lambda place: values[place[0][1:-1]], translated)  # noqa: B023
-    name, _, rest = text.partition(" ")  # of a file, before what is wrong with it
-    if rest and "." in name[:-1] and (said := _known(code, rest)):
-        return f"{name} {said}"
     return None
 
 
@@ -137,18 +158,26 @@ def _known(code: str, text: str) -> str | None:
 def _patterns(code: str) -> list[tuple[re.Pattern[str], str]]:
     """What the texts with values look like, those that say most first."""
     made = []
-    for english, translated in catalogue(code, TOLD).items():
+    entries = dict(catalogue(code, TOLD))
+    # What goes on after a semicolon may stand alone.
+    alone = {e[2:]: t.removeprefix("; ") for e, t in entries.items() if e.startswith("; ")}
+    for english, translated in (alone | entries).items():
         words, values = _VALUE.split(english), _VALUE.findall(english)
         if not values or not any(word.strip(" :;,.()") for word in words):
             continue
+        size = len("".join(words))
+        end = r"\. " if ";" in english or size > _LONG else r"[.;] "
+        inside = rf"(?:(?!{end}).)"
         # A value goes on beyond a sentence where a whole one stands first.
-        inside = r"(?:(?!\. ).)+?"
-        first = r".+?" if re.match(r"\{1\} [A-Z]", english) else inside
-        kinds = [first, *[inside] * len(values)]
+        whole = re.match(r"\{1\} [A-Z]", english)
+        first = r".+?" if whole else r"[\d,.]+" if size <= _SHORT else rf"{inside}+?"
+        # One that follows without a blank may be empty.
+        glued = [inside + ("*?" if word[-1:].isalnum() else "+?") for word in words[1:]]
+        kinds = [rf"{inside}*?" if words[0][-1:].isalnum() else first, *glued]
         names = [f"(?P<v{v[1:-1]}>{k})" for v, k in zip(values, kinds, strict=False)] + [""]
         text = "".join(re.escape(w) + n for w, n in zip(words, names, strict=True))
         text = f"{_FILE}{text}" if english[0].islower() else text
-        made.append((len("".join(words)), re.compile(text), translated))
+        made.append((size, re.compile(text), translated))
     return [(pattern, text) for _, pattern, text in sorted(made, key=lambda one: -one[0])]
 
 

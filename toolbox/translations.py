@@ -42,6 +42,12 @@ NO_TEXT = re.compile(  # tags, SQL, code, names, paths, styles
 ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")[^"]+(?="\))')
 PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
 HEADS = ("Coordinates", "Made with", "Map", "Files", "Drawings", "Left out")  # of one word
+COUNTS = ("{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})")
+SHORT = ("no rule", "not given", "near a wire")
+# Words in the columns that reports show.
+WORDS = "ground tree building water rail road line other tower pole conductor wire door window"
+WORDS += " critical watch falling plane shore island flat gable hip left right"
+WORDS += " bottom top unseen unclassified blocks all"
 FAULTS = ("AssertionError", "AttributeError", "TypeError")  # of code, told to who writes it
 PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")
 VALUE = re.compile(r"\{\d+\}")
@@ -64,6 +70,7 @@ def _of_tool(id: str) -> Iterator[str]:
         yield from (field["title"], field["description"])
         spoken = (meta["value"] for meta in field["metadata"] if meta["role"] in language.SPOKEN)
         yield from spoken
+    yield from (file["description"] for file in tool.get("deliver", []))
     for field in spec.inputs.values():  # words of a choice that says enough by itself
         if spec.id != "samples.scene":  # whose presets keep their names
             yield from (field.choice_title(choice) for choice in field.choices)
@@ -88,7 +95,7 @@ def of_told() -> list[str]:
     """All texts that warnings, errors and reports may say: of some words, with marks for values."""
     told = dict.fromkeys(" ".join(text.split()) for text in pieces())
     elsewhere = {*of_tools(), *of_code()}
-    heads = [*PROBLEMS, *HEADS, *CLASSES.values()]
+    heads = [*PROBLEMS, *HEADS, *COUNTS, *SHORT, *WORDS.split(), *CLASSES.values()]
     return list(dict.fromkeys(text for text in [*told, *heads] if text not in elsewhere))
 
 

@@ -12,6 +12,8 @@ from toolbox import catalog, language, translations
 from toolbox.cli.main import main
 from toolbox.data import Report, Rows, Section, Table
 from toolbox.labels import LONGEST_TITLE
+from toolbox.reports.page import Told
+from toolbox.reports.readme import Entry, readme
 
 LANGUAGES = sorted(path.name for path in language.FOLDER.iterdir())
 CATALOGUES = [(code, name) for code in LANGUAGES for name in ("tools.po", "messages.po", "told.po")]
@@ -77,6 +79,37 @@ def test_names_that_a_translation_must_hold() -> None:
 def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
     entry = polib.POEntry(msgid="``a > 1``. Of `3=x\n4=y`", msgstr="`3=x 4=y` of\n``a > 1``.")
     assert not translations.wrong(entry)
+
+
+@pytest.mark.parametrize(
+    ("english", "turkish"),
+    [
+        ("points: there are none", "points: hiç nokta yok"),  # a parameter keeps its name
+        ("191 points withheld.", "withheld: 191 nokta."),
+        ("Wires, Towers", "Teller, Direkler"),
+        ("must be a, got 'c'; did you mean 'b'?", "a olmalı, verilen 'c'; 'b' mı demek istediniz?"),
+        (
+            "no rule: a.csv has no row for ground; listed within 6 m",
+            "kural yok: a.csv içinde zemin için satır yok; 6 m içinde listelenir",
+        ),
+    ],
+)
+def test_texts_are_found_in_others(english: str, turkish: str) -> None:
+    with language.speaking("tr"):
+        assert language.told(english) == turkish
+
+
+def test_the_readme_of_a_set_is_translated() -> None:
+    columns = [("length", "m", "Length")]
+    entry = Entry("spans.csv", "", "The report to print", 8, "", columns, without=3)
+    spec = catalog.load("models.terrain")
+    with language.speaking("tr"):
+        text = readme(spec, {}, None, Told(), [entry], {})
+    said = (
+        "Yazdırmak için rapor [8]; okunan noktalardan 3 tanesi içinde yoktur",
+        "length  Uzunluk [m]",
+    )
+    assert [part for part in said if part not in text] == [], text
 
 
 @pytest.mark.parametrize("code", LANGUAGES)

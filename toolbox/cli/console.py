@@ -102,7 +102,8 @@ class Console:
             self._print_value(name, value, _unit(said), language.text(said.get("description", "")))
 
         if isinstance(folder, Path):
-            print(f"in {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
+            files = ", ".join(sorted(path.name for path in folder.iterdir()))
+            print(language.text("in {folder}: {files}").format(folder=folder, files=files))
 
     def _print_value(self, name: str, value: Any, unit: str, help: str) -> None:
         if isinstance(value, tuple):  # from a repeated step
@@ -114,9 +115,18 @@ class Console:
             print(f"{name}:")
             print(fitted(value.frame.head(_MOST_ROWS), shutil.get_terminal_size().columns))
             if (more := len(value.frame) - _MOST_ROWS) > 0:
-                print(f"... {more} more rows (all: --{name} PATH)")
+                print(
+                    language.text("... {more} more rows (all: --{name} PATH)").format(
+                        more=more, name=name
+                    )
+                )
         elif hasattr(value, "save"):
-            print(f"{name}: {_kind(value)}, not saved (--{name} PATH)")
+            kind = _kind(value)
+            print(
+                language.text("{name}: {kind}, not saved (--{name} PATH)").format(
+                    name=name, kind=kind
+                )
+            )
         elif isinstance(value, float):
             print(_explained(f"{name}: {_figure(value, unit)}{unit}", help))
         elif value is None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pyproj import CRS
 
-from toolbox import __version__
+from toolbox import __version__, language
 from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import describe_crs, height_system, is_local
 from toolbox.data.layer import Layer
@@ -86,5 +86,6 @@ def chosen_settings(spec: Spec, record: Record | None) -> str:
         default = None if field.required else field.to_json(field.default)
         if value is not None and (value != default or name in _ALWAYS):
             unit = "" if isinstance(value, str) else unit_text(field.unit)
-            parts.append(f"{field.title} {words.setting_text(value)} {unit}".strip())
+            title = language.text(field.title)
+            parts.append(f"{title} {words.setting_text(value)} {unit}".strip())
     return "; ".join(parts)

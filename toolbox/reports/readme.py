@@ -95,7 +95,9 @@ def readme(
     lines += _section("Not looked at", known.unseen)
     lines += [*_underlined("Files"), *_files(there)]
     absent = [
-        f"{entry.file}: {entry.help}. {entry.left_out}" for entry in entries if entry.left_out
+        f"{entry.file}: {language.told(entry.help)}. {language.told(entry.left_out)}"
+        for entry in entries
+        if entry.left_out
     ]
     lines += _section("Left out", absent)
     lines += _drawings(there)
@@ -105,11 +107,11 @@ def readme(
 
 
 def _pairs(pairs: Iterable[tuple[str, str]]) -> Iterator[str]:
-    pairs = [(language.told(name), text) for name, text in pairs]
+    pairs = [(language.told(name), language.told(text)) for name, text in pairs]
     width = max((len(name) for name, _ in pairs), default=0) + 2
     for name, text in pairs:
         indent = " " * width
-        yield from _wrapped(
+        yield from textwrap.wrap(
             text, _WIDTH, initial_indent=name.ljust(width), subsequent_indent=indent
         ) or [name]
 
@@ -143,9 +145,13 @@ def _files(entries: Sequence[Entry]) -> Iterator[str]:
             layer = f"{entry.layer}: " if entry.layer else ""
             count = "" if entry.size is None else f" [{entry.size:,}]"
             if entry.without:
-                count += f"; {entry.without:,} of the points that were read are not in it"
+                count += language.told(
+                    f"; {entry.without:,} of the points that were read are not in it"
+                )
             text = f"{layer}{language.told(entry.help)}{count}"
-            yield from _wrapped(text, _WIDTH, initial_indent="    ", subsequent_indent="      ")
+            yield from textwrap.wrap(
+                text, _WIDTH, initial_indent="    ", subsequent_indent="      "
+            )
 
 
 def _drawings(entries: Sequence[Entry]) -> Iterator[str]:
@@ -179,11 +185,9 @@ def _columns(entries: Sequence[Entry]) -> Iterator[str]:
     if tables:
         yield from _underlined("Columns")
     for columns, files in tables.items():
-        yield from _wrapped("; ".join(files), _WIDTH)
-        pairs = [
-            (f"    {name}", f"{meaning} [{unit}]" if unit else meaning)
-            for name, unit, meaning in columns
-        ]
+        yield from textwrap.wrap("; ".join(files), _WIDTH)
+        said = [(name, language.told(unit), language.told(text)) for name, unit, text in columns]
+        pairs = [(f"    {n}", f"{text} [{unit}]" if unit else text) for n, unit, text in said]
         yield from _pairs(pairs)
     if joined:
         named = " and ".join(entry.file for entry in joined)

@@ -149,8 +149,9 @@ def _drawn(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _cell(text: str) -> str:
-    """The text of a cell: a number, a word of a few that are known, or a name that stays."""
-    return language.decimals(language.text(text))
+    """The text of a cell: a number, a sentence, a word of a few that are known, or a name."""
+    said = language.told(text) if " " in text else language.text(text)
+    return language.decimals(said)
 
 
 def _prose(text: str) -> Markup:

@@ -30,11 +30,11 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
     return found
 
 
-def test_every_shipped_model_is_run(runs: list[Run], capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_shipped_model_and_learning_is_run(runs: list[Run], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["warm"]) == 0
     assert capsys.readouterr().out.startswith("compiled in ")
     shipped = {id for id, path in catalog.own_files().items() if path.suffix == catalog.MODEL[0]}
-    assert shipped <= {id for id, _ in runs}
+    assert shipped | {"classify.train", "classify.apply"} <= {id for id, _ in runs}
 
 
 def test_each_run_has_what_it_reads_and_leaves_nothing(runs: list[Run]) -> None:

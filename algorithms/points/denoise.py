@@ -31,6 +31,7 @@ from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks, require_finite
 from algorithms.shared.neighbours import PointTree
 from algorithms.shared.places import may_be_near
+from algorithms.shared.plausible import is_on_map, two_surveys
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -187,6 +188,8 @@ class PointsDenoise:
                 "each, so that all would be noise",
                 instead=outputs,
             )
+        if is_on_map(cloud.crs) and (text := two_surveys(xyz[verdict[part] == 0], cloud.metre)):
+            log.warning("%s", text)
         found = np.count_nonzero(verdict)
         if found > max(FEW, _noise.MOST * count):
             share = f"{found} of {count} points ({100 * found / count:.3g} %) are called noise"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from algorithms.points import _info_survey
-from algorithms.shared.plausible import height_problem
+from algorithms.shared.plausible import height_problem, is_on_map, two_surveys
 from algorithms.shared.returns import ReturnNumbers, has_numbers
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey, Table
@@ -17,14 +17,16 @@ from toolbox.data.asprs import CLASSES
 from toolbox.data.crs import (
     describe_crs,
     height_system,
-    horizontal_crs,
     length_problem,
     vertical_unit,
 )
+from toolbox.data.precision import rounded_to_single
 from toolbox.declare import outputs, sink, source, tool
 
 PERCENTILES = (0, 1, 5, 25, 50, 75, 95, 99, 100)
 POINTS_PER_CELL = 10  # of the grid that tells covered ground from gaps
+RANGES = 3  # of 98 % of the heights: a hill or a tower in a plain is within as many
+LEAST_MARGIN = 10.0  # metres, for a plain whose range is nothing: houses and trees are lower
 WAVE = "wavepacket_index"  # attribute of points: the number of a descriptor, 0 without a waveform
 
 Row = dict[str, Any]
@@ -219,8 +221,11 @@ def warnings(cloud: PointCloud) -> Iterator[str]:
         yield f"{cloud.name} {problem}"
     if found := misplaced(cloud.crs, cloud.bounds):
         yield f"{cloud.name} {found.text}"
-    if _on_a_map(cloud) and (wrong := height_problem(cloud.xyz, cloud.metre)):
-        yield wrong
+    if text := rounded_to_single(cloud.xyz):
+        yield text
+    if is_on_map(cloud.crs):
+        problems = height_problem(cloud.xyz, cloud.metre), two_surveys(cloud.xyz, cloud.metre)
+        yield from filter(None, problems)
     if has_numbers(cloud):
         returns = ReturnNumbers.of(cloud)
         if invalid := int((~returns.known).sum()):
@@ -236,18 +241,12 @@ def warnings(cloud: PointCloud) -> Iterator[str]:
     yield from _gross_outliers(cloud)
 
 
-def _on_a_map(cloud: PointCloud) -> bool:
-    """True for lengths in a CRS of the Earth; a scan in a local one may be of a wall."""
-    if cloud.crs is None or length_problem(cloud.crs):
-        return False
-    return bool(horizontal_crs(cloud.crs).is_projected)
-
-
 def _gross_outliers(cloud: PointCloud) -> Iterator[str]:
-    """Warnings about heights more than three times the inner 98 % range outside of that range."""
+    """Warnings about heights far outside of the range that holds 98 % of them."""
     z = cloud["z"]
     low, high = np.percentile(z, (1, 99))
-    margin = 3 * (high - low) + 10 * (1.0 if length_problem(cloud.crs) else cloud.metre)
+    metre = 1.0 if length_problem(cloud.crs) else cloud.metre
+    margin = RANGES * (high - low) + LEAST_MARGIN * metre
     if below := int((z < low - margin).sum()):
         yield f"{below} points lie far below all others (lowest {z.min():.2f})"
     if above := int((z > high + margin).sum()):

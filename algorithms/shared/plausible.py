@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from pyproj import CRS
 from scipy.spatial import cKDTree
 
 from algorithms.shared.kernels.squares import layers_above, numbered, tops
 from toolbox.context import log
+from toolbox.data.crs import horizontal_crs, length_problem
 
 FEW = 9  # points: with fewer, none has another one in each of eight directions
 HIGHEST, LOWEST = 9000.0, -500.0  # metres: beyond all land, with 150 m and 60 m to spare
@@ -262,16 +264,62 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
             CLEAR,
             TIMES,
         )
+    if problem := two_surfaces(xyz, ground, squares, metre):
+        log.warning("%s", problem)
+
+
+def two_surfaces(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> str | None:
+    """What is wrong with points that are two surfaces, as a clause; None if they are one.
+
+    Parameters are those of :func:`second_layer`.
+
+    Examples
+    --------
+    >>> one = np.array([[x / 2, y / 2, 100.0] for x in range(40) for y in range(40)])
+    >>> both, ground = np.vstack([one, one + [0.2, 0.1, 12]]), np.arange(3200) < 1600
+    >>> print(two_surfaces(both, ground, squares_of(both, 1.0), 1.0).partition(":")[0])
+    in 100 % of the squares of 4 m with ground there is a second surface 12.0 m above it
+    >>> two_surfaces(one, ground[:1600], squares_of(one, 1.0), 1.0) is None
+    True
+    """
     share, height = second_layer(xyz, ground, squares, metre)
-    if share > TWICE:
-        log.warning(
-            "in %.0f %% of the squares of %g m with ground there is a second surface %.1f m above "
-            "it: are these two surveys, or two flights, whose heights do not fit? compare them "
-            "(points.survey_quality), and keep one or mend the heights",
-            100 * share,
-            SQUARE,
-            height,
-        )
+    if share <= TWICE:
+        return None
+    return (
+        f"in {100 * share:.0f} % of the squares of {SQUARE:g} m with ground there is a second "
+        f"surface {height:.1f} m above it: are these two surveys, or two flights, whose heights "
+        "do not fit? compare them (points.survey_quality), and keep one or mend the heights"
+    )
+
+
+def is_on_map(crs: CRS | None) -> bool:
+    """Whether coordinates are lengths in a CRS of the Earth; a local scan may be of a wall.
+
+    Examples
+    --------
+    >>> is_on_map(CRS(32635)), is_on_map(CRS(4326)), is_on_map(None)
+    (True, False, False)
+    """
+    if crs is None or length_problem(crs):
+        return False
+    return bool(horizontal_crs(crs).is_projected)
+
+
+def two_surveys(xyz: Floats, metre: float) -> str | None:
+    """As :func:`two_surfaces`, where nobody has said yet what is ground: the lowest of each square.
+
+    Examples
+    --------
+    >>> one = np.array([[x / 2, y / 2, 100.0] for x in range(40) for y in range(40)])
+    >>> two_surveys(one, 1.0) is None, two_surveys(np.vstack([one, one + [0, 0, 12]]), 1.0) is None
+    (True, False)
+    """
+    if len(xyz) < FEW:
+        return None
+    squares = squares_of(xyz, metre)
+    low = np.full(int(squares.max()) + 1, np.inf)
+    np.minimum.at(low, squares, xyz[:, 2])
+    return two_surfaces(xyz, xyz[:, 2] - low[squares] < CLEAR * metre, squares, metre)
 
 
 def is_upright(xyz: Floats, metre: float) -> bool:

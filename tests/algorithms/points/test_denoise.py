@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.points.denoise import HIGH, LOW, PointsDenoise, cut_off, main_layer, noise
 from toolbox.data import PointCloud
+from toolbox.data.crs import parse_crs
 from toolbox.declare import ClassList
 from toolbox.errors import DataError, NothingToDo, ParameterError
 
@@ -382,3 +383,15 @@ def test_the_count_of_noise_is_said_in_words() -> None:
     assert PointsDenoise(points=cloud(terrain())).run().in_words() == (
         "No point was taken for noise."
     )
+
+
+@pytest.mark.parametrize(("crs", "told"), [(CRS(32635), True), (parse_crs("local"), False)])
+def test_two_surveys_whose_heights_do_not_fit_are_told(
+    crs: CRS, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    one = terrain()
+    both = np.vstack([one, one + np.array([0.1, 0.1, 3.0])])
+    PointsDenoise(points=PointCloud(one, crs=crs)).run()
+    assert "second surface" not in caplog.text
+    PointsDenoise(points=PointCloud(both, crs=crs)).run()
+    assert ("a second surface 3.0 m above it" in caplog.text) == told

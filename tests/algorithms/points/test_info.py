@@ -11,9 +11,11 @@ import laspy
 import numpy as np
 import pytest
 from pyproj import CRS
+from scenes.towns import plane
 
 from algorithms.points.info import PointsInfo, covered_area
 from toolbox.data import PointCloud, Survey
+from toolbox.data.crs import parse_crs
 
 
 def grid(side: int = 100, **columns: Any) -> PointCloud:
@@ -152,6 +154,29 @@ def test_gross_outliers_lie_ten_metres_beyond_the_body(
     points = PointCloud(np.column_stack([cloud.xyz[:, :2], z]) / foot, crs=CRS(crs))
     _, warnings = report(points)
     assert any("1 points lie far below" in w for w in warnings) == warned
+
+
+@pytest.mark.parametrize(("depth", "warned"), [(290.0, False), (320.0, True)])
+def test_gross_outliers_lie_three_ranges_beyond_a_slope(depth: float, warned: bool) -> None:
+    z = np.linspace(0, 100, 10_000)
+    z[0] = -depth
+    _, warnings = report(grid().with_xyz(np.column_stack([grid().xyz[:, :2], z])))
+    assert any("1 points lie far below" in w for w in warnings) == warned
+
+
+@pytest.mark.parametrize(("crs", "told"), [(CRS(32635), True), (parse_crs("local"), False)])
+def test_two_surveys_whose_heights_do_not_fit_are_told(crs: CRS, told: bool) -> None:
+    """On a map; a local scan may be of two floors."""
+    one = plane(60.0, 0.5, jitter=0.2)
+    for xyz, two in ((one, False), (np.vstack([one, one + np.array([0.1, 0.1, 3.0])]), True)):
+        _, warnings = report(PointCloud(xyz + np.array([5e5, 4.4e6, 0]), crs=crs))
+        assert any("a second surface 3.0 m above it" in w for w in warnings) == (two and told)
+
+
+def test_single_precision_is_told() -> None:
+    xyz = grid().xyz + np.random.default_rng(0).uniform(0, 1, (10_000, 3)) + 5e5
+    _, warnings = report(PointCloud(xyz.astype(np.float32).astype(float), crs=CRS(32635)))
+    assert any("rounded to single precision" in w for w in warnings)
 
 
 RING = [(column, row) for column in range(3) for row in range(3) if (column, row) != (1, 1)]

@@ -249,6 +249,20 @@ def test_a_line_with_too_much_beside_texts(tmp_path: Path) -> None:
         opened(tmp_path, "No,E,N,H\nP1,1,2,3\nP2,1,2,a\n", ".csv")
 
 
+def test_single_precision_is_told_where_few_digits_are_written(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As by programs that write no more digits than tell a number from the next one."""
+    xyz = np.random.default_rng(0).uniform(0, 20, (99, 3))
+    xyz += np.array([500_000, 4_500_000, 100])
+    single = xyz.astype(np.float32)
+    for name, values in (("a.csv", single.astype(float)), ("b.csv", xyz)):
+        np.savetxt(tmp_path / name, values, "%.2f", ",", header="x,y,z", comments="")
+        PointCloud.open(tmp_path / name)
+    (told,) = caplog.messages
+    assert told.startswith("a.csv: its coordinates were rounded to single precision, x to 0.03125")
+
+
 @pytest.mark.parametrize(
     ("corner", "digits", "single", "told"),
     [

@@ -28,6 +28,7 @@ DIRECTIONS = 12  # of lines that are tried as the step
 STEPPED = 0.85  # share of the variance of blocks that a step explains: 0.75 of a slope
 DAYS = 0.05  # m between flights that is told of
 CONFIDENCE = 0.95
+NINETY_FIVE = float(stats.norm.ppf((1 + CONFIDENCE) / 2))  # standard errors to each side of it
 RESAMPLED = 100  # times that the points on a shore are drawn anew, for the error of its level
 BIN, EDGE = 0.05, 0.3  # m: heights that are counted together, and that belong to an edge
 FOOT = 0.25  # share of these heights that is below the level if they are of waves and a bank

@@ -429,6 +429,12 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
             100 * one.body.lost,
             one.body.dark,
         )
+
+
+def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
+    """Log what is doubtful about bodies, of the largest ones if there are many."""
+    metre = cells.metre
+    for one in found[:LISTED]:
         if one.level.strips > DAYS * metre:
             log.warning(
                 "points: the %s has other levels in other strips: %s; they were flown at other "

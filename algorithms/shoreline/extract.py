@@ -16,13 +16,15 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import geopandas
+import numpy as np
 
 from algorithms.shared import parameters
 from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._bodies import CellGrid
+from algorithms.shoreline._level import NINETY_FIVE
 from algorithms.shoreline._outline import Outline, detail_of, draw
 from algorithms.shoreline._returns import Returns
-from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell
+from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell, warn_of
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Vector
 from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
@@ -137,10 +139,22 @@ class ShorelineExtract:
             if not self.count or self.level is None:
                 return "No water body was found."
             bodies = "One water body" if self.count == 1 else f"{self.count} water bodies"
-            interval = self.level_interval
-            sure = "" if interval is None else f", ± {interval:.3f} m (95 % interval)"
             which = "its level" if self.count == 1 else "the level of the largest"
-            return f"{bodies} of {self.area:.0f} m² in all; {which} is {self.level:.3f} m{sure}."
+            words = (
+                f"{bodies} of {self.area:.0f} m² in all, {self._area_reach:.0f} m² more or less; "
+                f"{which} is {self.level:.3f} m"
+            )
+            if self.level_interval is None:
+                return f"{words}."
+            return (
+                f"{words}, ± {self.level_interval:.3f} m within the survey (95 % intervals); an "
+                "error that all of its heights have in common comes on top."
+            )
+
+        @property
+        def _area_reach(self) -> float:
+            """Half of the 95 % interval of the area of all bodies; their errors are independent."""
+            return NINETY_FIVE * float(np.linalg.norm(self.water.frame["area_error"]))
 
         def not_looked_at(self) -> Iterator[str]:
             """Parts of outlines that are no shore."""
@@ -201,11 +215,16 @@ class ShorelineExtract:
             chosen = [at_place(cells, water, self.seed_point)]
         rivers = [k for k in chosen if water[k].fall and not self.sloped]
         for k in rivers:
-            text = f"points: {sloping(cells, water[k])}; it is no lake: set sloped"
+            text = (
+                f"points: {sloping(cells, water[k])}; it is no lake: shoreline.extract takes "
+                "rivers with sloped"
+            )
             if self.bodies != "all":
                 raise DataError(text)
             log.warning("%s; left out", text)
-        return [k for k in chosen if k not in rivers]
+        chosen = [k for k in chosen if k not in rivers]
+        warn_of(cells, [water[k] for k in chosen])
+        return chosen
 
     def _packed(
         self, outlines: Sequence[Outline], detail: float | None

@@ -26,6 +26,7 @@ from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._basin_pieces import BLOCK, Pieces
 from algorithms.shoreline._basin_points import PointBasin
 from algorithms.shoreline._basin_raster import RasterBasin, Spill
+from algorithms.shoreline._level import NINETY_FIVE
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
@@ -34,14 +35,14 @@ from toolbox.declare import ClassList, Position, outputs, param, show, sink, sou
 from toolbox.errors import DataError, NothingToDo
 
 Array = NDArray[np.float64]
-MOST_LEVELS = 100_000  # more are taken for a mistake in the step
+MOST_LEVELS = 10_000  # more are taken for a mistake in the step: no table is read that far
 FEWEST_LEVELS = 10  # a curve of fewer steps is drawn as a few straight lines
 DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 ROUNDING = 1e-9  # steps
 GROUND = 2  # class
 OVERTOPPED = "overtopped"  # column of the curve of a lake
 FALL = 0.3  # metres that water must fall behind a rim: roughness of ground is no rim
-NINETY_FIVE = 1.96  # standard errors on each side of 95 % of a normal distribution
+ERROR = "area_error"  # column of a lake, standard error of its area in square metres
 
 
 @tool(
@@ -200,6 +201,8 @@ class ShorelineStorageCurve:
                 f"m² and holds {self.volume:.0f} m³ above {above} {self.lowest_ground:.3f} m. "
                 f"The curve has {len(frame)} levels from {levels.iloc[0]:.3f} m on."
             )
+            if frame["open"].all():
+                words += " At all of them the water goes on beyond the edge of the data."
             return words if self.spill is None else f"{words} {self._runs_over()}"
 
         def _runs_over(self) -> str:
@@ -215,7 +218,7 @@ class ShorelineStorageCurve:
                 yield f"{share} of the area has no ground, and holds nothing in these figures."
             if self.opens is not None and self.opens < self.curve.frame["level_m"].iloc[-1]:
                 yield (
-                    f"Above {self.opens:.3f} m the water reaches the edge of the data: what lies "
+                    f"From {self.opens:.3f} m on the water reaches the edge of the data: what lies "
                     "beyond was not seen, and is not in the figures."
                 )
             if self.spill is not None and self.spill < self.curve.frame["level_m"].iloc[-1]:
@@ -271,6 +274,8 @@ class ShorelineStorageCurve:
         made = table(levels, area, volume, everything, opens, ground)
         if self.height_error:
             made = with_limits(made, basin.pieces, levels, NINETY_FIVE * self.height_error, ground)
+            if self.lake is not None:
+                made = with_shore(made, self.lake)
         if self.lake is not None:
             made = with_rim(made, levels > spill)
         ctx.progress(1.0)
@@ -413,8 +418,8 @@ def tell(basin: PointBasin | RasterBasin, opens: float, last: float, ground: Any
     unit = "m" if ground.metre == 1 else vertical_unit(ground.crs)
     if opens < last:
         log.warning(
-            "above %.3f %s the water reaches the edge of the data: what lies beyond was not seen, "
-            "and is not in the figures",
+            "from %.3f %s on the water reaches the edge of the data: what lies beyond was not "
+            "seen, and is not in the figures",
             opens,
             unit,
         )
@@ -462,6 +467,23 @@ def with_limits(
         area, volume, _ = storage(pieces(), levels + shift)
         frame[f"area_{name}_m2"] = np.maximum(area / ground.metre**2, frame["area_m2"].iloc[0])
         frame[f"volume_{name}_m3"] = volume / ground.metre**3
+    return Table(frame)
+
+
+def with_shore(made: Table, lake: Vector) -> Table:
+    """Limits of the areas that also hold where the shore of the surveyed lake may lie.
+
+    The lake has the column area_error, as that of shoreline.extract, or nothing changes. Its area
+    is the first of the curve, and a part of all others.
+    """
+    frame = made.frame
+    if ERROR not in lake.frame:
+        return made
+    sizes = shapely.area(lake.frame.geometry.to_numpy())
+    reach = NINETY_FIVE * float(lake.frame[ERROR].iloc[int(np.argmax(sizes))])
+    area = frame["area_m2"]
+    frame["area_low_m2"] = area - np.hypot(area - frame["area_low_m2"], reach)
+    frame["area_high_m2"] = area + np.hypot(frame["area_high_m2"] - area, reach)
     return Table(frame)
 
 
@@ -538,7 +560,7 @@ def table(
             "area_gain_m2": np.diff(area, prepend=0.0) / square,
             "volume_gain_m3": np.diff(volume, prepend=0.0) / (square * ground.metre),
             "apart_m2": apart / square,
-            "open": levels > opens,
+            "open": levels >= round(opens, DIGITS),
             "heights": height_system(ground.crs),
         }
     )

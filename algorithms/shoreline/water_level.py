@@ -17,7 +17,15 @@ from algorithms.shared.polygons import cells_within, polygons
 from algorithms.shoreline._bodies import LEVEL, STEP, Body, CellGrid, grid
 from algorithms.shoreline._level import lowest_mode
 from algorithms.shoreline._returns import Returns
-from algorithms.shoreline._water import Water, find_water, place_of, strip_levels, tell, with_levels
+from algorithms.shoreline._water import (
+    Water,
+    find_water,
+    place_of,
+    strip_levels,
+    tell,
+    warn_of,
+    with_levels,
+)
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Table, Vector
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -92,6 +100,7 @@ class ShorelineWaterLevel:
                 points, self.min_area, level_alone=self.level_alone, ctx=ctx.part(0.4, 1.0)
             )
             tell(cells, found)
+            warn_of(cells, found)
         else:
             cells = grid(points, ctx.part(0.4, 0.7))
             bodies = list(on_polygons(cells, polygons(self.water, "water")))

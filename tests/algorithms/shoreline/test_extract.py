@@ -18,6 +18,7 @@ from scenes import waters
 from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
 
 from algorithms.samples.scene import scene
+from algorithms.shoreline import extract as tool
 from algorithms.shoreline._kernels import TAKEN, spread
 from algorithms.shoreline._level import _parts
 from algorithms.shoreline._outline import detail_of
@@ -483,6 +484,16 @@ def test_two_levels_of_unnamed_flights_are_told_and_within_the_interval(
     assert (found.level_interval > 0.06) == (apart > 0)
     for level in made.waters[0].level + np.array([0.0, apart]):
         assert abs(level - found.level) <= max(found.level_interval, 0.005)
+
+
+def test_only_of_the_bodies_that_are_given_out_is_warned(monkeypatch: pytest.MonkeyPatch) -> None:
+    warned: list[int] = []
+    monkeypatch.setattr(tool, "warn_of", lambda cells, some: warned.append(len(some)))
+    points = waters.survey("ponds", 3, density=4.0, noise=0.03, returned=0.3).points
+    count = extract(points, bodies="all").count
+    extract(points, bodies="largest")
+    assert count > 1
+    assert warned == [count, 1]
 
 
 def test_a_surface_that_falls_evenly_has_no_two_levels() -> None:

@@ -18,6 +18,7 @@ from scenes.layers import NORTH, UTM, WEST, cloud, raster
 
 from algorithms.shoreline._basin_pieces import Pieces
 from algorithms.shoreline._basin_raster import RasterBasin, _of_any_square
+from algorithms.shoreline._level import NINETY_FIVE
 from algorithms.shoreline.storage_curve import ShorelineStorageCurve, height_system, storage
 from algorithms.surface.flatten_water import SurfaceFlattenWater
 from toolbox.context import Context
@@ -164,8 +165,8 @@ def test_water_at_the_edge_is_told(caplog: pytest.LogCaptureFixture) -> None:
         out = ShorelineStorageCurve(terrain=raster(ground), step=1.0).run()
     assert out.opens == 3
     frame = out.curve.frame
-    assert frame["level"][frame["open"]].min() == 4
-    assert "above 3.000 m the water reaches the edge" in caplog.text
+    assert frame["level"][frame["open"]].min() == 3
+    assert "from 3.000 m on the water reaches the edge" in caplog.text
 
 
 def test_a_gap_opens_the_basin_and_is_counted(caplog: pytest.LogCaptureFixture) -> None:
@@ -442,8 +443,8 @@ def test_an_edge_that_the_lake_touches_hides_no_spill() -> None:
     found = risen(z, 10.0, (0, 15, 5, 15), step=1.0)
     assert (found.opens, found.spill) == (10.0, 11.5)
     assert found.curve.frame["level"].iloc[-1] == 11.5
-    assert found.curve.frame["open"].tolist() == [False, True, True]
-    assert any("Above 10.000 m the water reaches" in text for text in found.not_looked_at())
+    assert found.curve.frame["open"].tolist() == [True, True, True]
+    assert any("From 10.000 m on the water reaches" in text for text in found.not_looked_at())
 
 
 @pytest.mark.parametrize(("behind", "spill"), [(8.0, True), (10.5, False)])
@@ -493,10 +494,20 @@ def test_the_level_of_the_lake_is_named_where_the_highest_is_below_it() -> None:
 def test_limits_are_the_curve_of_water_lower_and_higher() -> None:
     terrain, lake = dammed()
     how = {"terrain": terrain, "lake": lake, "lowest": 10.0, "step": 0.1, "highest": 11.0}
-    frame = ShorelineStorageCurve(**how, height_error=0.1 / 1.96).run().curve.frame  # type: ignore[arg-type]
+    frame = ShorelineStorageCurve(**how, height_error=0.1 / NINETY_FIVE).run().curve.frame  # type: ignore[arg-type]
     np.testing.assert_allclose(frame["volume_low_m3"][1:], frame["volume_m3"][:-1], atol=1e-4)
     np.testing.assert_allclose(frame["volume_high_m3"][:-1], frame["volume_m3"][1:], atol=1e-4)
     assert (frame["area_low_m2"] >= frame["area_m2"].iloc[0]).all()
+
+
+def test_limits_of_areas_hold_where_the_shore_of_the_lake_may_lie() -> None:
+    terrain, lake = dammed()
+    how: dict[str, Any] = {"terrain": terrain, "step": 0.1, "highest": 11.0, "height_error": 1e-6}
+    lake = Vector(lake.frame.assign(area_error=3.0))
+    frame = ShorelineStorageCurve(lake=lake, **how).run().curve.frame
+    reach = 3.0 * NINETY_FIVE
+    np.testing.assert_allclose(frame["area_low_m2"], frame["area_m2"] - reach, atol=1e-3)
+    np.testing.assert_allclose(frame["area_high_m2"], frame["area_m2"] + reach, atol=1e-3)
 
 
 def pond(radius: float, slope: float, cell: float) -> tuple[Raster, Vector]:

@@ -135,12 +135,15 @@ def test_numbers_are_made_a_sentence_where_a_tool_says_none() -> None:
 
 def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     outputs = catalog.load("shoreline.extract").make.Outputs
-    row = {"body": 1, "open_length": 40.0, "perimeter": 100.0, "geometry": shapely.Point(0, 0)}
+    row = {"body": 1, "open_length": 40.0, "perimeter": 100.0, "area_error": 10.0}
+    row["geometry"] = shapely.Point(0, 0)
     water = Vector(geopandas.GeoDataFrame([row], geometry="geometry", crs=CRS))
     numbers = {"level": 3.5, "level_error": 0.01, "level_interval": 0.02, "area": 900.0, "count": 1}
     made = outputs(water=water, shoreline=water, vertices=water, detail=1.0, **numbers)
     assert made.in_words() == (
-        "One water body of 900 m² in all; its level is 3.500 m, ± 0.020 m (95 % interval)."
+        "One water body of 900 m² in all, 20 m² more or less; its level is 3.500 m, ± 0.020 m "
+        "within the survey (95 % intervals); an error that all of its heights have in common comes "
+        "on top."
     )
     (unseen,) = made.not_looked_at()
     assert "40 of 100 m of its outline is the edge of the data" in unseen

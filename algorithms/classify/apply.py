@@ -17,7 +17,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
-from toolbox.declare import ClassList, Share, outputs, param, show, sink, source, tool
+from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 UNKNOWN = 1  # class of points of which the model is not sure enough
@@ -74,10 +74,7 @@ class ClassifyApply:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink(
-            "The same points with classes, probability and second_class",
-            show=show.Values("probability"),
-        )
+        classified: PointCloud = sink("The same points with classes, probability and second_class")
         drift: Table = sink("How unlike the training the features are, the most unlike first")
         outside: float = sink("Share of points with a feature beyond all of the training", unit="1")
         expected: float = sink(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label, uniform_filter
 
 from algorithms.planes._fronts import Front
+from algorithms.planes._glass import glass
 from algorithms.planes._outlines import View
 from algorithms.shared.windows import between
 
@@ -46,6 +47,7 @@ class Relief(NamedTuple):
     step : how far behind the wall a point lies at least that is not of it
     side : of a square
     states : array of shape (rows, columns), EMPTY, WALL, BEHIND or HIDDEN (something stands before)
+    glass : numbers of the planes that are the glass of a curtain wall
     """
 
     view: View
@@ -56,6 +58,7 @@ class Relief(NamedTuple):
     step: float
     side: float
     states: NDArray[np.int8]
+    glass: list[int]
 
     def cells(self, uv: Floats) -> tuple[Ints, Ints, Mask]:
         """Row and column of places, and which of these lie in the picture."""
@@ -115,7 +118,8 @@ def relief_of(
     view = View.of(front.plane, xyz[members])
     uv, away = view.flat(xyz), -front.plane.distances(xyz)
     parts = [_plane(k, uv, away, ids, shades) for k in front.members]
-    walls = _walls(parts, largest, recess, least)
+    panes = glass(parts, uv, ids, largest, recess)
+    walls = _walls([part for part in parts if part.number not in panes], largest, recess, least)
     own = np.isin(ids, np.array(walls.planes) + 1)
     apart = _apart(uv[own])
     side = math.sqrt(PER_CELL) * apart
@@ -132,7 +136,7 @@ def relief_of(
     if SIGMAS * walls.spread > math.sqrt(PER_CELL) * least:
         states = calmed(states)  # and points of panes in the depth of the wall are no edge of it
         on_wall &= ~(inside & (states == BEHIND)[row * inside, column * inside])
-    return Relief(view, uv, behind, on_wall, apart, step, side, states)
+    return Relief(view, uv, behind, on_wall, apart, step, side, states, panes)
 
 
 def _states(

@@ -7,6 +7,7 @@ docs/explanation/planes.md.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -271,11 +272,15 @@ class PlanesOpenings:
             self._warn_if_two_sided(number + 1, relief.twice())
             self._warn_of_unseen(number + 1, made)
             self._warn_of_blind(number + 1, made)
+            self._warn_of_glass(number + 1, [int(numbers[k]) for k in relief.glass])
         if not any(one.made.found for one in seen):
             names = ", ".join(str(one.number) for one in seen)
             log.warning(
-                "the front of plane %s has no openings; look at min_width, min_points and dropped",
+                "the front of plane %s has no openings; look at min_width, min_points and dropped, "
+                "where most gaps are: %s; of a curtain wall with much seen on its glass, give the "
+                "points of its frames alone (points.filter_intensity)",
                 names,
+                _commonest([gap.dropped for one in seen for gap in one.made.dropped]),
             )
         return seen
 
@@ -333,6 +338,16 @@ class PlanesOpenings:
                 "as the wall look the same; dropped has their places",
                 number,
                 blind,
+            )
+
+    def _warn_of_glass(self, number: int, planes: list[int]) -> None:
+        """Say so where large planes are taken for panes, not for wall."""
+        if planes:
+            log.warning(
+                "front %d is a curtain wall: plane %s is taken for glass between frames, and the "
+                "panels between these for openings",
+                number,
+                ", ".join(map(str, planes)),
             )
 
     def _warn_if_two_sided(self, number: int, share: float) -> None:
@@ -440,6 +455,14 @@ class _Seen(NamedTuple):
         walls = int(np.count_nonzero(self.relief.own))
         bare = self.made.wall.area - sum(one.shape.area for one in self.made.found)
         return math.sqrt(max(bare, 0.0) / max(walls, 1))
+
+
+def _commonest(reasons: list[str]) -> str:
+    """The reason that most gaps have, and how many; "none" without gaps."""
+    if not reasons:
+        return "none"
+    reason, count = Counter(reasons).most_common(1)[0]
+    return f"{reason} ({count} of {len(reasons)})"
 
 
 def _place(view: View, shift: Floats) -> dict[str, float]:

@@ -529,3 +529,35 @@ def test_a_side_wall_behind_the_corner_is_not_the_street(angle: float) -> None:
     frame = found(both, plane=WALL).openings.frame
     for kind, (left, _, right, _) in (("window", OPEN[WINDOW]), ("door", OPEN[DOOR])):
         assert np.abs(frame.width[frame.kind == kind] - (right - left)).min() < 0.02
+
+
+def curtain_wall(echoes: float) -> PointCloud:
+    """Frames of 8 cm around 4 by 3 panels of 1.5 by 3 m, 5 cm before glass with so many echoes."""
+    rng = np.random.default_rng(3)
+    uv = rng.random((80_000, 2)) * [6.08, 9.08]
+    frame = ((uv[:, 0] % 1.5 < 0.08) | (uv[:, 1] % 3.0 < 0.08))[:, None]
+    seen = frame[:, 0] | (rng.random(len(uv)) < echoes)
+    away = np.where(frame[:, 0], 0.0, 0.05) + rng.normal(0, 0.002, len(uv))
+    wall = np.column_stack([uv[:, 0], away, uv[:, 1]])[seen]
+    ground = np.column_stack([*(rng.random((2, 9_000)) * [[6], [-8]]), np.zeros(9_000)])
+    xyz = np.vstack([wall, ground])
+    kind = np.where(frame[seen, 0], 2, 1).astype(np.int32)
+    plane_id = np.append(kind, np.full(len(ground), 3, np.int32))
+    return PointCloud(xyz, {"plane_id": plane_id}, crs=LOCAL)
+
+
+def test_panels_of_a_curtain_wall_are_openings_and_its_glass_is_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    out = found(curtain_wall(0.1))
+    assert out.count == 12
+    assert out.openings.frame.width.between(1.38, 1.46).all()
+    assert "front 1 is a curtain wall: plane 1 is taken for glass" in caplog.text
+
+
+def test_panels_with_as_many_points_as_their_frames_are_wall(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    assert found(curtain_wall(0.9)).count == 0
+    assert "curtain wall: plane" not in caplog.text
+    assert "dropped, where most gaps are: " in caplog.text

@@ -26,7 +26,15 @@ from algorithms.shared.otsu import otsu_threshold
 from algorithms.shared.windows import between
 from algorithms.shoreline import _kernels as kernels
 from algorithms.shoreline._kernels import TAKEN
-from algorithms.shoreline._level import Level, even_blocks, lowest_mode, mode
+from algorithms.shoreline._level import (
+    BLOCKS,
+    FINE,
+    Level,
+    even_blocks,
+    lowest_mode,
+    mode,
+    two_levels_fit,
+)
 from algorithms.shoreline._returns import UNIT, Returns
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
@@ -53,6 +61,8 @@ SPARSE = 0.5  # of the density of the shore: pulses were lost
 DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1 for a full one
 LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
 SIGMAS = 1.683  # standard deviations of a normal distribution between its 20 % and its 80 %
+BENT = 0.02  # m between places of a dark surface that is none of water: strips fit to so much
+LONG = 2.0  # length of a place that falls as a river may, in widths
 CORE = 0.3  # of the distance to the middle of a body, from where its level is taken
 SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
 FEWEST_SECTORS = 6
@@ -620,7 +630,7 @@ def judge(
     reasons = {
         "few returns": lost <= SPARSE,
         "level": level_enough,
-        "dark": dark >= DARK,
+        "dark": dark >= DARK and not (level_enough and _bent(cells, body)),
         "class": classed,
     }
     wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)
@@ -681,6 +691,30 @@ def _is_level(cells: CellGrid, some: Ints) -> bool:
         return False
     middle, waves = cells.middle.ravel()[core], waves_of(cells, core)
     return _flat(cells, core, middle, waves) or _two_levels(cells, core, middle, waves)
+
+
+def _bent(cells: CellGrid, some: Ints) -> bool:
+    """Whether cells that are nearly level lie on a tilted or curved surface, as paved ground does.
+
+    Water has no shape: what the heights of its blocks differ by are waves, noise, and steps between
+    flights. Two levels explain all of these better than a quadratic surface does, as noise is
+    halved by its median, and a step is one. Only rivers fall, which are long.
+    """
+    core = core_of(cells, some)
+    core = core[np.isfinite(cells.middle.ravel()[core])]
+    heights = cells.middle.ravel()[core].astype(float)
+    spots = np.column_stack([core // cells.lattice.cols, core % cells.lattice.cols]).astype(float)
+    parts = even_blocks(spots, FINE)
+    if len(parts) < BLOCKS:
+        return False
+    z = np.array([heights[part].mean() for part in parts])
+    south, east = (np.array([spots[part].mean(axis=0) for part in parts]) - spots.mean(axis=0)).T
+    design = np.column_stack([np.ones(len(z)), south, east, south**2, south * east, east**2])
+    wide, long = np.sqrt(np.linalg.eigvalsh(np.cov(south, east)))
+    if long >= LONG * wide:
+        z = z - design[:, :3] @ np.linalg.lstsq(design[:, :3], z, rcond=None)[0]
+    fit = design @ np.linalg.lstsq(design, z, rcond=None)[0]
+    return bool(np.ptp(fit) >= BENT * cells.metre and not two_levels_fit(z, fit))
 
 
 def waves_of(cells: CellGrid, some: Ints) -> float:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from algorithms.shared.otsu import otsu_threshold
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -274,6 +276,13 @@ def _rounding(heights: Floats, step: float) -> float:
         return 0.0
     noise = max(float(np.var(heights)) - step**2 / 12, 0.0)  # Sheppard's correction
     return step / math.sqrt(12) * math.exp(-2 * math.pi**2 * noise / step**2)
+
+
+def two_levels_fit(z: Floats, fit: Floats) -> bool:
+    """Whether two levels explain heights, of shape (n,), better than a fit to them does."""
+    upper = z >= otsu_threshold(z)
+    levels = np.where(upper, z[upper].mean(), z[~upper].mean())
+    return bool(((z - levels) ** 2).sum() < ((z - fit) ** 2).sum())
 
 
 def even_blocks(xy: Floats, most: int = BLOCKS) -> list[Ints]:

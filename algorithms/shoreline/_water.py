@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.lowest import cells_of
-from algorithms.shared.otsu import otsu_threshold
 from algorithms.shoreline._bodies import (
     CONTACT,
     LARGE,
@@ -40,6 +39,7 @@ from algorithms.shoreline._level import (
     even_blocks,
     holding,
     level_of,
+    two_levels_fit,
 )
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
@@ -149,7 +149,8 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
     if left_out:
         log.warning(
             "points: %d places are left out which are level, but neither return fewer pulses nor "
-            "are darker than what is around: ice or bright water, or a square, a field, a cutting; "
+            "are darker than what is around, or are bent or tilted by centimetres, as paved ground "
+            "is: ice or bright water, or a square, a field, a cutting; "
             "the largest is the %s at a level of %.2f; level_alone gives them",
             len(left_out),
             name_of(cells, left_out[0]).replace("water", "place", 1),
@@ -359,10 +360,7 @@ def stepped(xyz: Floats) -> bool:
     means = np.array([xyz[some].mean(axis=0) for some in blocks])
     z = means[:, 2] - means[:, 2].mean()
     design = np.column_stack([np.ones(len(z)), means[:, :2] - means[:, :2].mean(axis=0)])
-    plane = design @ np.linalg.lstsq(design, z, rcond=None)[0]
-    upper = z >= otsu_threshold(z)
-    steps = np.where(upper, z[upper].mean(), z[~upper].mean())
-    return bool(((z - steps) ** 2).sum() < ((z - plane) ** 2).sum())
+    return two_levels_fit(z, design @ np.linalg.lstsq(design, z, rcond=None)[0])
 
 
 def _islands_hide(cells: CellGrid, body: Body) -> bool:

@@ -509,6 +509,20 @@ def carpark(land: Land) -> None:
     land.above = above
 
 
+def crowned(land: Land) -> None:
+    """A dark car park in a hollow, with a crown, a dish, a fall or a twist of 0.1 to 0.4 %."""
+    _plate(land, ASPHALT, 0.0, crown=0.0)
+    side, rise, shape = land.side, land.rng.uniform(0.001, 0.004), int(land.rng.integers(5))
+    base, half = land.shape, 0.2 * side
+
+    def drained(x: Floats, y: Floats, z: Floats) -> Floats:
+        u, v = (np.clip(w - side / 2, -half, half) for w in (x, y))
+        shapes = -abs(v), -(u**2 + v**2) / (2 * half), abs(v), u, u * v / half
+        return np.asarray((base(x, y, z) if base else z) + rise * shapes[shape])
+
+    land.shape = drained
+
+
 def sports(land: Land) -> None:
     """A sports ground with a crown of 0.3 to 0.8 %, lower than the banks around."""
     _plate(land, GRASS, 0.0, crown=float(land.rng.uniform(0.003, 0.008)))
@@ -617,5 +631,5 @@ WET = (
     days_unnamed,
     plain,
 )
-DRY = (carpark, sports, cutting, rice_dry, hall, flat, bare_edge, hills)
+DRY = (carpark, crowned, sports, cutting, rice_dry, hall, flat, bare_edge, hills)
 KINDS: dict[str, Callable[[Land], None]] = {make.__name__: make for make in (*WET, *DRY)}

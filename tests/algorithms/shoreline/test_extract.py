@@ -353,7 +353,9 @@ def test_land_around_a_pit_lake_is_no_water() -> None:
         assert len(water) == 1
 
 
-@pytest.mark.parametrize("made", [waters.cutting, waters.rice_dry, waters.bare_edge])
+@pytest.mark.parametrize(
+    "made", [waters.crowned, waters.cutting, waters.rice_dry, waters.bare_edge]
+)
 def test_what_is_known_by_its_level_alone_is_left_out_and_told(
     made: Callable[[waters.Land], None], caplog: Any
 ) -> None:
@@ -365,6 +367,34 @@ def test_what_is_known_by_its_level_alone_is_left_out_and_told(
     assert set(extract(dry.points, bodies="all", level_alone=True).water.frame["evidence"]) == {
         "level"
     }
+
+
+@pytest.mark.parametrize("shape", [(-1, 0), (0, 1), (0.7, 0.7)])
+def test_a_dark_surface_that_bends_or_tilts_is_no_water(shape: tuple[float, float]) -> None:
+    """It returns all pulses; strips of a survey fit to centimetres, so a lake may bend by one."""
+    flat = lake(returned=1.0, noise=0.01)
+    u, v = (flat.xyz[:, :2] - ORIGIN[:2] - 50).T / RADIUS
+    wet = np.hypot(u, v) < 1
+    bend = np.where(wet, shape[0] * (u**2 + v**2) + shape[1] * u, 0.0)
+    found = [
+        extract(flat.with_xyz(flat.xyz + np.outer(rise * bend, (0, 0, 1)))).count
+        for rise in (0.008, 0.05)
+    ]
+    assert found == [1, 0]
+
+
+def test_a_river_of_which_all_pulses_come_back_may_fall() -> None:
+    row = only(extract(river(fall=0.0004, returned=1.0), sloped=True))
+    assert row.area == pytest.approx(8000, rel=0.02)
+
+
+def test_a_step_between_flights_bends_no_water() -> None:
+    """All pulses come back from a dark lake, half of which was flown at a level 8 cm higher."""
+    flat = lake(returned=1.0)
+    later = (np.hypot(*(flat.xyz[:, :2] - ORIGIN[:2] - 50).T) < RADIUS) & (
+        flat["x"] > ORIGIN[0] + 50
+    )
+    assert extract(flat.with_xyz(flat.xyz + np.outer(0.08 * later, (0, 0, 1)))).count == 1
 
 
 def test_who_points_at_ice_gets_it() -> None:

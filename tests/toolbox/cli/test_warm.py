@@ -30,7 +30,9 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
     return found
 
 
-def test_every_shipped_model_and_learning_is_run(runs: list[Run], capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_shipped_model_and_learning_is_run(
+    runs: list[Run], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["warm"]) == 0
     assert capsys.readouterr().out.startswith("compiled in ")
     shipped = {id for id, path in catalog.own_files().items() if path.suffix == catalog.MODEL[0]}

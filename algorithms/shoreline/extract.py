@@ -175,6 +175,8 @@ class ShorelineExtract:
         """The points have a classification if classes are used."""
         if self.water_classes and "classification" not in self.points.names:
             yield "water_classes", f"{self.points.name} has no classification"
+        if self.seed_point and not _within(self.seed_point, self.points.bounds):
+            yield "seed_point", f"{self.seed_point} is outside of {self.points.name}"
 
     def halo(self) -> float:
         """Infinite, as a body may be of any size."""
@@ -245,6 +247,11 @@ class ShorelineExtract:
             count=len(outlines),
             detail=detail,
         )
+
+
+def _within(place: Position, bounds: Sequence[float]) -> bool:
+    """Whether a position is within bounds: least x, y and z, greatest x, y and z."""
+    return bounds[0] <= place.x <= bounds[3] and bounds[1] <= place.y <= bounds[4]
 
 
 def _warn(outlines: Sequence[Outline]) -> None:

@@ -334,9 +334,12 @@ class ModelRun:
         found = {f"{INPUTS}.{name}": value for name, value in self.values.items()}
         found |= self.given
         steps = _active(self.spec.wanting(self.keep).steps, found)
-        from toolbox.models.places import unmeasurable  # which looks at steps itself
+        from toolbox.models.places import (
+            conflicting,
+            unmeasurable,
+        )  # which look at steps themselves
 
-        if problems := unmeasurable(steps, found):
+        if problems := unmeasurable(steps, found) or conflicting(steps, found):
             raise DataError(self.spec.id, problems)
         wanted = {name for r in self.spec.returns.values() for name in r.names} | self.keep
         for index, step in enumerate(steps):

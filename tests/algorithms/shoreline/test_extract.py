@@ -516,6 +516,11 @@ def test_two_levels_of_unnamed_flights_are_told_and_within_the_interval(
         assert abs(level - found.level) <= max(found.level_interval, 0.005)
 
 
+def test_a_seed_point_outside_of_the_points_is_told_before_the_work() -> None:
+    with pytest.raises(DataError, match="seed_point: 1.0,2.0 is outside of"):
+        ShorelineExtract(points=lake(), seed_point=Position(1.0, 2.0))
+
+
 def test_only_of_the_bodies_that_are_given_out_is_warned(monkeypatch: pytest.MonkeyPatch) -> None:
     warned: list[int] = []
     monkeypatch.setattr(tool, "warn_of", lambda cells, some: warned.append(len(some)))

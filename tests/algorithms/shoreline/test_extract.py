@@ -517,7 +517,7 @@ def test_two_levels_of_unnamed_flights_are_told_and_within_the_interval(
 
 
 def test_a_seed_point_outside_of_the_points_is_told_before_the_work() -> None:
-    with pytest.raises(DataError, match="seed_point: 1.0,2.0 is outside of"):
+    with pytest.raises(DataError, match=r"seed_point: 1\.0,2\.0 is outside of"):
         ShorelineExtract(points=lake(), seed_point=Position(1.0, 2.0))
 
 

@@ -195,7 +195,7 @@ class ClassifyTrain:
         record: dict[str, Any] = {
             "accuracy": {n: value[n] for n in ("overall_accuracy", "mean_f1", "kappa")}
         }
-        record |= {"points": len(chosen), "blocks": len(by_block), "temperature": heat}
+        record |= {"points": len(chosen), "blocks": len(by_block.counts), "temperature": heat}
         record |= drift.learnt(points, folds, len(codes))
         return self.Outputs(
             model=dataclasses.replace(made, about={**made.about, **record}).table(),
@@ -228,10 +228,10 @@ class ClassifyTrain:
         names = self.features or names_of.usual(cloud, radii)
         places = np.rint(cloud.xyz / cloud.metre / FINE)  # so that rounding does not draw others
         chosen, weight = drawn(places, label, codes, self.per_class, self.seed)
-        number, _ = blocks(cloud.xyz[chosen, :2], self.block)
-        if number.max() + 1 < 2 * self.folds:
+        ground = blocks(cloud.xyz[chosen, :2], self.block)
+        if len(ground) < 2 * self.folds:
             raise DataError(
-                f"block: {number.max() + 1} blocks hold labels, {2 * self.folds} are needed for "
+                f"block: {len(ground)} blocks hold labels, {2 * self.folds} are needed for "
                 f"{self.folds} folds; lower block or folds"
             )
         data = names_of.described(cloud, names, ctx=ctx)[chosen]
@@ -239,7 +239,8 @@ class ClassifyTrain:
             if not np.isfinite(column).any():
                 log.warning("no point has the feature %s, which tells nothing", name)
         place = np.searchsorted(codes, label[chosen])
-        return codes, chosen, Labelled(data, place, weight, number), names
+        points = Labelled(data, place, weight, ground.number, square=ground.square)
+        return codes, chosen, points, names
 
     def _labels(self, cloud: PointCloud) -> Ints:
         """Class of each point, NO_LABEL where it has none."""

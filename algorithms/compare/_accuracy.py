@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from algorithms.compare._counts import Counts
-from algorithms.shared.accuracy.blocks import Floats, intervals
+from algorithms.shared.accuracy.blocks import Clumping, Floats, Tallies, intervals
 from algorithms.shared.accuracy.confusion import (
     CLASS_MEASURES,
     MEASURES,
@@ -24,11 +23,10 @@ from toolbox.errors import DataError
 AREA = re.compile(r"\s*(.+?)\s*=\s*([0-9.eE+]+)\s*")
 OF_STRATA = "overall_accuracy", "mean_f1", "mean_iou", "kappa"
 
-Ints = NDArray[np.int64]
 Row = dict[str, Any]
 
 
-def rows(confusion: Confusion, by_block: Ints, side: float | None, seed: int) -> Iterator[Row]:
+def rows(confusion: Confusion, by_block: Tallies, side: float | None, seed: int) -> Iterator[Row]:
     """Measures of all classes, with the intervals of blocks with a side in metres."""
     spread = intervals(by_block, measures, seed)
     for name, value in confusion.measures().items():
@@ -36,11 +34,16 @@ def rows(confusion: Confusion, by_block: Ints, side: float | None, seed: int) ->
         row = {"measure": name, "value": value} | limits(spread[name])
         yield row | {"unit": unit, "meaning": meaning}
     yield _count("points", int(confusion.counts.sum()), "points", "compared")
-    yield _count("blocks", len(by_block), "1", "drawn with replacement for the intervals")
+    yield _count("blocks", len(by_block.counts), "1", "drawn in squares of four for the intervals")
     yield _count("block", side, "m", "side of the blocks")
+    found = Clumping.of(by_block)
+    text = "variance of squares of four blocks, of that of blocks; 1 if blocks are independent"
+    yield _count("growth", found and found.growth, "1", text)
+    text = "so many independent errors would vary as much"
+    yield _count("clumps", found and found.clumps, "1", text)
 
 
-def class_rows(confusion: Confusion, by_block: Ints, seed: int) -> Iterator[Row]:
+def class_rows(confusion: Confusion, by_block: Tallies, seed: int) -> Iterator[Row]:
     """One row per class: points, and each measure with its limits."""
     spread = intervals(by_block, class_measures, seed)
     found = confusion.class_measures()
@@ -60,7 +63,7 @@ def matrix_rows(confusion: Confusion) -> Iterator[Row]:
         yield {"reference": label} | given | {"total": sum(line)}
 
 
-def stratum_row(confusion: Confusion, by_block: Ints, seed: int) -> Row:
+def stratum_row(confusion: Confusion, by_block: Tallies, seed: int) -> Row:
     """The main measures of all classes side by side, with limits for blocks."""
     found, spread, row = confusion.measures(), intervals(by_block, measures, seed), Row()
     for name in OF_STRATA:
@@ -70,7 +73,7 @@ def stratum_row(confusion: Confusion, by_block: Ints, seed: int) -> Row:
 
 
 def filter_rows(
-    counts: Counts, unmatched: int, absent: int, by_block: Ints, seed: int
+    counts: Counts, unmatched: int, absent: int, by_block: Tallies, seed: int
 ) -> Iterator[Row]:
     """Measures of the class of interest, with limits for independent points and for blocks."""
 
@@ -157,5 +160,6 @@ def limits(pair: tuple[Any, Any], prefix: str = "") -> Row:
 
 
 def _count(measure: str, value: float | None, unit: str, meaning: str) -> Row:
-    row = {"measure": measure, "value": value, "low": None, "high": None}
+    known = value if value is not None and np.isfinite(value) else None
+    row = {"measure": measure, "value": known, "low": None, "high": None}
     return row | {"unit": unit, "meaning": meaning}

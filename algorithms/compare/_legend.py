@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.accuracy.blocks import Tallies
 from algorithms.shared.accuracy.confusion import Confusion
 from toolbox.declare import ClassList
 from toolbox.errors import DataError
@@ -101,21 +102,21 @@ class Legend:
         )
 
     def tally(
-        self, said: NDArray[Any], true: NDArray[Any], block: NDArray[np.int64], count: int
-    ) -> NDArray[np.int64]:
+        self,
+        said: NDArray[Any],
+        true: NDArray[Any],
+        block: NDArray[np.int64],
+        square: NDArray[np.int64],
+    ) -> Tallies:
         """Confusion matrix of each block; what is left out is not counted.
 
         Parameters
         ----------
         said, true : codes, arrays of shape (n,)
         block : number of the block, array of shape (n,)
-        count : of the blocks
-
-        Returns
-        -------
-        array of shape (count, k, k)
+        square : of each block the square of four, array of shape (b,)
         """
-        k = len(self.labels)
+        k, count = len(self.labels), max(len(square), 1)
         found = np.zeros(count * k * k, np.int64)
         for first in range(0, len(said), CHUNK):
             part = slice(first, first + CHUNK)
@@ -123,11 +124,11 @@ class Legend:
             counted = row != NONE
             cell = (block[part] * k + row) * k + column
             found += np.bincount(cell[counted], minlength=len(found))
-        return found.reshape(count, k, k)
+        return Tallies(found.reshape(count, k, k), square)
 
-    def confusion(self, by_block: NDArray[np.int64]) -> Confusion:
+    def confusion(self, by_block: Tallies) -> Confusion:
         """The matrix of all blocks together."""
-        return Confusion(self.labels, by_block.sum(axis=0))
+        return Confusion(self.labels, by_block.counts.sum(axis=0))
 
 
 def numbers(codes: NDArray[Any], table: Mapping[int, int]) -> NDArray[np.int64]:

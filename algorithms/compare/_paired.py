@@ -16,14 +16,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest, chi2
 
-from algorithms.shared.accuracy.blocks import Floats, drawn, limits
+from algorithms.shared.accuracy.blocks import Floats, Tallies, spread
 from algorithms.shared.accuracy.confusion import MEASURES, Confusion, class_measures, measures
 
 FEW = 25  # points that one alone has right, below which the test is exact
-Counts = NDArray[np.int64]
 
 
 def mcnemar(first_alone: int, second_alone: int) -> tuple[float, float]:
@@ -51,14 +49,14 @@ def mcnemar(first_alone: int, second_alone: int) -> tuple[float, float]:
 
 
 def paired_rows(
-    labels: Sequence[str], first: Counts, second: Counts, right: Sequence[int], seed: int
+    labels: Sequence[str], first: Tallies, second: Tallies, right: Sequence[int], seed: int
 ) -> Iterator[dict[str, Any]]:
     """Rows of a table: measures of both, their difference with its interval, and McNemar's test.
 
     Parameters
     ----------
     labels : names of the k classes
-    first, second : matrices of the blocks, arrays of shape (b, k, k), of the same blocks
+    first, second : matrices of the same blocks
     right : points that both, only the first, only the second, and neither has right
     seed : of the draws of blocks
     """
@@ -69,16 +67,17 @@ def paired_rows(
     yield _plain("mcnemar", statistic, "1", "chi squared of one degree of freedom")
     text = "chance of so unequal numbers, as if points were independent"
     yield _plain("mcnemar_p", p, "1", text)
-    one, other = (Confusion(tuple(labels), of.sum(axis=0)) for of in (first, second))
-    spread = _differences(first, second, seed)
+    one, other = (Confusion(tuple(labels), of.counts.sum(axis=0)) for of in (first, second))
+    pairs = Tallies(np.stack([first.counts, second.counts], axis=1).astype(float), first.square)
+    limits = spread(pairs, _differences, seed)
     values = one.measures(), other.measures()
     for name, (unit, meaning) in MEASURES.items():
         pair = values[0][name], values[1][name]
-        yield _row(name, unit, pair, spread[name], meaning)
+        yield _row(name, unit, pair, limits[name], meaning)
     each = one.class_measures(), other.class_measures()
     for k, label in enumerate(labels):
         for name in ("f1", "iou"):
-            low, high = spread[name]
+            low, high = limits[name]
             pair = each[0][name][k], each[1][name][k]
             yield _row(f"{name} of {label}", "%", pair, (low[k], high[k]), "")
 
@@ -116,12 +115,7 @@ def verdict(low: float | None, high: float | None) -> str:
     return "differs" if low > 0 or high < 0 else "may be luck"
 
 
-def _differences(first: Counts, second: Counts, seed: int) -> dict[str, tuple[Floats, Floats]]:
-    """Intervals of second minus first, of the same blocks drawn for both."""
-    stacks = zip(drawn(first, seed), drawn(second, seed), strict=True)
-    found = [
-        {name: value - both[0][name] for name, value in both[1].items()}
-        for one, other in stacks
-        for both in [[measures(s) | class_measures(s) for s in (one, other)]]
-    ]
-    return {name: limits(np.concatenate([f[name] for f in found]), first) for name in found[0]}
+def _differences(both: Floats) -> dict[str, Floats]:
+    """Measures of second minus first, of a stack of pairs of matrices, (m, 2, k, k)."""
+    one, other = (measures(of) | class_measures(of) for of in (both[:, 0], both[:, 1]))
+    return {name: value - one[name] for name, value in other.items()}

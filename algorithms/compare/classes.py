@@ -35,11 +35,12 @@ from algorithms.compare._unseen import (
     not_compared,
     warn_absent,
     warn_blocks,
+    warn_clumps,
     warn_few,
     warn_not_known,
 )
 from algorithms.shared import parameters
-from algorithms.shared.accuracy.blocks import blocks
+from algorithms.shared.accuracy.blocks import Blocks, Clumping, Tallies, blocks
 from algorithms.shared.ground import without_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
@@ -260,17 +261,18 @@ class CompareClasses:
                 "leave_out: no point is left that has a reference class and is not withheld"
             )
         warn_few(int(np.count_nonzero(counted)), "points")
-        number, side = self._blocks(counted)
+        ground, side = self._blocks(counted)
         ctx.progress(0.65)
         is_said = np.isin(said, self.positive)
         is_true = np.isin(true, self.reference_positive or self.positive)
         legend = self._legend(said[counted], true[counted])
-        by_block = legend.tally(said[counted], true[counted], number, number.max() + 1)
+        by_block = legend.tally(said[counted], true[counted], ground.number, ground.square)
+        warn_clumps(Clumping.of(by_block))
         confusion = legend.confusion(by_block)
         warn_not_known(confusion)
         summary = confusion.measures()
         ctx.progress(0.8)
-        filtered = _by_block(is_said[counted], is_true[counted], number)
+        filtered = _by_block(is_said[counted], is_true[counted], ground)
         counts = Counts.of(is_said[counted], is_true[counted])
         missing = int((~matched).sum())
         outputs = self.Outputs(
@@ -280,8 +282,8 @@ class CompareClasses:
             accuracy=Table.from_rows(_accuracy.rows(confusion, by_block, side, self.seed)),
             classes=Table.from_rows(_accuracy.class_rows(confusion, by_block, self.seed)),
             confusion=Table.from_rows(_accuracy.matrix_rows(confusion)),
-            strata=Table.from_rows(self._strata(said, true, matched, counted, number, legend)),
-            difference=self._difference(said, true, counted, number, ctx.part(0.8, 0.95)),
+            strata=Table.from_rows(self._strata(said, true, matched, counted, ground, legend)),
+            difference=self._difference(said, true, counted, ground, ctx.part(0.8, 0.95)),
             areas=self._areas(confusion),
             errors=self._marked(is_said, is_true, counted),
             overall_accuracy=summary["overall_accuracy"] or 0.0,
@@ -329,16 +331,16 @@ class CompareClasses:
     def _truth(self) -> ClassList:
         return self.reference_positive or self.positive
 
-    def _blocks(self, counted: Mask) -> tuple[Ints, float | None]:
-        """Block of each point that is counted, and the side of the blocks in metres.
+    def _blocks(self, counted: Mask) -> tuple[Blocks, float | None]:
+        """Blocks of the points that are counted, and the side of the blocks in metres.
 
         The side is None for points in degrees, in which no block can be asked for.
         """
         in_degrees = self.block is None and length_problem(self.points.crs) is not None
         metre = np.nan if in_degrees else self.points.metre
-        number, side = blocks(self.points.xyz[counted, :2], self.block)
-        warn_blocks(int(number.max()) + 1, "points")
-        return number, None if in_degrees else side / metre
+        ground = blocks(self.points.xyz[counted, :2], self.block)
+        warn_blocks(ground, "points")
+        return ground, None if in_degrees else ground.side / metre
 
     def _legend(self, said: NDArray[Any], true: NDArray[Any]) -> Legend:
         return Legend.of(
@@ -367,7 +369,7 @@ class CompareClasses:
         true: NDArray[Any],
         matched: Mask,
         counted: Mask,
-        number: Ints,
+        ground: Blocks,
         legend: Legend,
     ) -> Iterator[dict[str, Any]]:
         """Table rows: one for each value of the stratum, in rising order."""
@@ -379,7 +381,7 @@ class CompareClasses:
                 f"stratum: {name!r} has {len(values):,} values, at most {MOST_STRATA} are allowed"
             )
         block = np.full(len(matched), NONE)
-        block[counted] = number
+        block[counted] = ground.number
         for k, value in enumerate(values):
             inside = place == k
             some = np.flatnonzero(inside & counted)
@@ -387,11 +389,11 @@ class CompareClasses:
             two = np.isin(said[some], self.positive), np.isin(true[some], self._truth)
             row |= Counts.of(*two).row(int((inside & ~matched).sum()))
             held, own = np.unique(block[some], return_inverse=True)
-            by_block = legend.tally(said[some], true[some], own, max(len(held), 1))
+            by_block = legend.tally(said[some], true[some], own, ground.square[held])
             yield row | _accuracy.stratum_row(legend.confusion(by_block), by_block, self.seed)
 
     def _difference(
-        self, said: NDArray[Any], true: NDArray[Any], counted: Mask, number: Ints, ctx: Context
+        self, said: NDArray[Any], true: NDArray[Any], counted: Mask, ground: Blocks, ctx: Context
     ) -> Table | None:
         """The other classification against the first, of the points that are in all three."""
         name = self._other_attribute
@@ -411,8 +413,8 @@ class CompareClasses:
             self.reference_map if self.reference_map is not None else self.map or ()
         )
         legend = Legend.of(codes, codes_in(true, "reference_attribute"), names, true_names)
-        held, own = np.unique(number[both[counted]], return_inverse=True)
-        one, two = (legend.tally(of, true, own, len(held)) for of in (said, second))
+        held, own = np.unique(ground.number[both[counted]], return_inverse=True)
+        one, two = (legend.tally(of, true, own, ground.square[held]) for of in (said, second))
         truth = numbers(true, legend.true)
         hit, other = (numbers(of, legend.said) == truth for of in (said, second))
         outcomes = hit & other, hit & ~other, other & ~hit, ~hit & ~other
@@ -454,7 +456,8 @@ def ties(
     return columns, [np.isin(given, positive), given]
 
 
-def _by_block(is_said: Mask, is_true: Mask, number: Ints) -> Ints:
-    """Matrix of the class of interest and of objects of each block, array of shape (b, 2, 2)."""
-    cell = number * 4 + ~is_true * 2 + ~is_said
-    return np.bincount(cell, minlength=4 * (number.max() + 1)).reshape(-1, 2, 2)
+def _by_block(is_said: Mask, is_true: Mask, ground: Blocks) -> Tallies:
+    """Matrix of the class of interest and of objects of each block."""
+    cell = ground.number * 4 + ~is_true * 2 + ~is_said
+    counts = np.bincount(cell, minlength=4 * len(ground)).reshape(-1, 2, 2)
+    return Tallies(counts, ground.square)

@@ -24,9 +24,16 @@ from numpy.typing import NDArray
 from algorithms.compare import _accuracy
 from algorithms.compare._legend import NONE, Legend, codes_in, map_problem, names_of, numbers
 from algorithms.compare._shapes import AREAS, areas_at, layer_problem
-from algorithms.compare._unseen import no_limits, not_compared, warn_absent, warn_blocks, warn_few
+from algorithms.compare._unseen import (
+    no_limits,
+    not_compared,
+    warn_absent,
+    warn_blocks,
+    warn_clumps,
+    warn_few,
+)
 from algorithms.shared import parameters
-from algorithms.shared.accuracy.blocks import blocks
+from algorithms.shared.accuracy.blocks import Blocks, Clumping, blocks
 from algorithms.shared.accuracy.confusion import Confusion
 from algorithms.shared.alignment import misfit, offset
 from toolbox.context import QUIET, Context, log
@@ -206,9 +213,11 @@ class CompareRasters:
         if not counted.any():
             raise DataError("leave_out: no cell is left that has a reference class")
         warn_few(int(np.count_nonzero(counted)), what)
-        number, side = self._blocks(pairs.xy[counted])
+        ground, side = self._blocks(pairs.xy[counted])
         ctx.progress(0.7)
-        by_block = legend.tally(pairs.said, pairs.true, _spread(number, counted), number.max() + 1)
+        number = _spread(ground.number, counted)
+        by_block = legend.tally(pairs.said, pairs.true, number, ground.square)
+        warn_clumps(Clumping.of(by_block))
         confusion = legend.confusion(by_block)
         found = confusion.measures()
         ctx.progress(0.9)
@@ -300,13 +309,13 @@ class CompareRasters:
         part[:] = values[top : top + part.shape[0], left : left + part.shape[1]]
         return found
 
-    def _blocks(self, xy: Array) -> tuple[Ints, float | None]:
-        """Block of each cell or point, and the side of the blocks in metres, None in degrees."""
+    def _blocks(self, xy: Array) -> tuple[Blocks, float | None]:
+        """Blocks of the cells or points, and the side of the blocks in metres, None in degrees."""
         in_degrees = self.block is None and length_problem(self.classes.crs) is not None
         metre = np.nan if in_degrees else self.classes.metre
-        number, side = blocks(xy, self.block)
-        warn_blocks(int(number.max()) + 1, "cells")
-        return number, None if in_degrees else side / metre
+        ground = blocks(xy, self.block)
+        warn_blocks(ground, "cells")
+        return ground, None if in_degrees else ground.side / metre
 
     def _class_areas(self, confusion: Confusion, legend: Legend, names: Mapping[int, str]) -> Table:
         """Areas by the sample, with those of all cells of the map as weights of the classes."""

@@ -43,7 +43,7 @@ class PointTree:
     --------
     >>> tree = PointTree.of(np.array([[0, 0, 0], [3, 0, 0], [4, 0, 0.0]]))
     >>> mean, largest = tree.mean_distances(2)
-    >>> mean.tolist()  # in the order of the points given
+    >>> mean.tolist()  # in the order of the tree, here that of the points
     [3.5, 2.0, 2.5]
     """
 

@@ -187,9 +187,9 @@ def seed() -> Any:
 
 
 def block() -> Any:
-    """Declare the side of the blocks of ground that are drawn for intervals: ``float | None``."""
+    """Declare the side of the blocks of ground for intervals: ``float | None``."""
     return param(
-        "Side of the square blocks drawn for intervals; without it, so that some 100 hold points",
+        "Side of the square blocks for intervals; without it, so that some 100 hold points",
         default=None,
         unit="m",
         gt=0,

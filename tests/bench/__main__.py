@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import sys
 
-from tests.bench.accuracy import accuracy
+from tests.bench.accuracy import accuracy, accuracy_fields
 from tests.bench.buildings import buildings
 from tests.bench.chains import chains
 from tests.bench.corners import corners
@@ -28,18 +28,26 @@ from tests.bench.ground import (
     surveys,
     terrain,
 )
-from tests.bench.learning import learning, learning_elsewhere, learning_speed, suggesting
+from tests.bench.learning import (
+    learning,
+    learning_elsewhere,
+    learning_lines,
+    learning_speed,
+    suggesting,
+)
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
 from tests.bench.path import path
 from tests.bench.remote import remote
 from tests.bench.roundtrip import roundtrip
+from tests.bench.scikit import scikit
 from tests.bench.shorelines import shorelines, water_levels, waters
 from tests.bench.speed import speed
 from tests.bench.structures import structures
 
 ALL = (
     accuracy,
+    accuracy_fields,
     startup,
     reading,
     copc,
@@ -56,6 +64,7 @@ ALL = (
     terrain,
     damaged,
     roundtrip,
+    scikit,
     speed,
     chains,
     structures,
@@ -71,6 +80,7 @@ ALL = (
     corridor_settings,
     learning,
     learning_elsewhere,
+    learning_lines,
     learning_speed,
     suggesting,
     long_lines,
@@ -83,6 +93,7 @@ ALL = (
     figures,
 )
 WITH_OPTIONS = (
+    accuracy_fields,
     chains,
     grounds,
     corridor_presets,

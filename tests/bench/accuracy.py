@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.compare._paired import mcnemar
-from algorithms.shared.accuracy.blocks import LEAST, blocks, limits, percentiles
+from algorithms.shared.accuracy.blocks import LEAST, Clumping, Tallies, blocks, intervals, spread
 from tests.bench.measuring import say
 
-RUNS, SIDE, PATCH, WRONG, POINTS, DRAWS = 400, 100.0, 5.0, 0.2, 20_000, 1000
+RUNS, SIDE, PATCH, WRONG, POINTS = 200, 100.0, 5.0, 0.2, 20_000
 RATE = 0.05  # of errors
+CELLS, EDGE = 120, 60  # of a field of errors, and around it, so that what reaches in is there
+REACHES = {"cut": (0.008, 0.016, 0.03, 0.045), "discs": (0.01, 0.023, 0.035, 0.047)}
+RATES = (0.03, 0.2)
+FIELDS = 200  # of each kind
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 def accuracy() -> None:
@@ -19,10 +28,11 @@ def accuracy() -> None:
         held = differs = 0
         for seed in range(RUNS):
             xy, first, second = _scene(seed)
-            number, _ = blocks(xy, side)
-            low, high = _interval(number, first.astype(float))
+            pair = [_tallied(xy, of, side) for of in (first, second)]
+            low, high = intervals(pair[0], _share, 0)["right"]
             held += bool(low <= 1 - WRONG <= high)
-            low, high = _interval(number, second.astype(float) - first)
+            both = Tallies(np.stack([p.counts for p in pair], 1).astype(float), pair[0].square)
+            low, high = spread(both, _apart, 0)["right"]
             differs += not low <= 0 <= high
         say(
             f"accuracy  blocks of {side:4.1f} m: 95 % intervals hold the truth in "
@@ -34,20 +44,78 @@ def accuracy() -> None:
     say(f"accuracy  McNemar: equal classifications differ in {100 * found / RUNS:.1f} %")
 
 
+def accuracy_fields(*options: str) -> None:
+    """Errors that run on from block to block; `--seed 1000` draws other fields."""
+    first = int(options[options.index("--seed") + 1]) if options else 0
+    for kind, reaches in REACHES.items():
+        for reach in reaches:
+            for rate in RATES:
+                held, told = _of_fields(kind, reach, rate, first)
+                quiet = held[~told]
+                say(
+                    f"accuracy  {kind:5} of reach {reach:.3f}, {100 * rate:2.0f} % wrong: "
+                    f"intervals hold the truth in {100 * held.mean():5.1f} %; told in "
+                    f"{100 * told.mean():5.1f} %, hold where not told "
+                    f"{100 * quiet.mean() if len(quiet) else np.nan:5.1f} %"
+                )
+
+
+def _of_fields(kind: str, reach: float, rate: float, first: int) -> tuple[Mask, Mask]:
+    """Of each field whether the interval holds the truth, and whether a warning is given."""
+    draw: Mapping[str, Callable[..., Mask]] = {"cut": _cut, "discs": _discs}
+    xy = np.argwhere(np.ones((CELLS, CELLS), bool)).astype(float)
+    found = []
+    for seed in range(first, first + FIELDS):
+        rng = np.random.default_rng((seed, round(1000 * reach), round(100 * rate)))
+        tallies = _tallied(xy, ~draw[kind](rng, reach, rate).ravel(), None)
+        low, high = intervals(tallies, _share, 0)["right"]
+        clumping = Clumping.of(tallies)
+        assert clumping is not None
+        told = clumping.few or clumping.wide or np.isnan(low)
+        found.append((low <= 1 - rate <= high, told))
+    held, told = np.array(found, bool).T
+    return held, told
+
+
+def _cut(rng: np.random.Generator, reach: float, rate: float) -> Mask:
+    """A field of noise, smoothed by a Gaussian of some share of the width, cut at a level."""
+    from scipy.ndimage import gaussian_filter
+    from scipy.special import ndtri
+
+    noise = rng.standard_normal((CELLS + 2 * EDGE,) * 2)
+    smooth = gaussian_filter(noise, reach * CELLS, mode="wrap")
+    impulse = np.zeros_like(noise)
+    impulse[EDGE, EDGE] = 1.0
+    deviation = np.sqrt((gaussian_filter(impulse, reach * CELLS, mode="wrap") ** 2).sum())
+    return np.asarray(smooth[EDGE:-EDGE, EDGE:-EDGE] < deviation * ndtri(rate))
+
+
+def _discs(rng: np.random.Generator, reach: float, rate: float) -> Mask:
+    """Discs of some share of the width as radius, which may overlap."""
+    many = -np.log(1 - rate) / (np.pi * reach**2) * (1 + 2 * reach) ** 2
+    x, y = (np.indices((CELLS, CELLS)) + 0.5) / CELLS
+    wrong = np.zeros((CELLS, CELLS), bool)
+    for cx, cy in rng.uniform(-reach, 1 + reach, (rng.poisson(many), 2)):
+        wrong |= (x - cx) ** 2 + (y - cy) ** 2 < reach**2
+    return wrong
+
+
 def _of_few_blocks() -> None:
     """Intervals of a rate of 5 % that differs between blocks as an exponential distribution."""
     rng = np.random.default_rng(2)
-    for count in (4, 5, 6, LEAST, 15):
+    for count in (LEAST, 10, 15, 20):
         held = 0
         for _ in range(RUNS):
             wrong = rng.binomial(1000, np.minimum(rng.exponential(RATE, count), 1.0))
-            times = rng.multinomial(count, np.full(count, 1 / count), DRAWS)
-            low, high = np.percentile(times @ wrong / (1000 * count), percentiles(count))
-            held += bool(low <= RATE <= high)
+            counts = np.zeros((count, 2, 2), np.int64)
+            counts[:, 0] = np.column_stack([1000 - wrong, wrong])
+            alone = Tallies(counts, np.zeros(count, np.int64))
+            low, high = intervals(alone, _share, 0)["right"]
+            held += bool(low <= 1 - RATE <= high)
         say(f"accuracy  {count:2d} blocks: intervals hold the truth in {100 * held / RUNS:5.1f} %")
 
 
-def _scene(seed: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+def _scene(seed: int) -> tuple[Floats, Mask, Mask]:
     """Positions, and which of them each of two classifications has right."""
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0, SIDE, (POINTS, 2))
@@ -57,10 +125,17 @@ def _scene(seed: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[n
     return xy, first, second
 
 
-def _interval(number: NDArray[np.int64], values: NDArray[np.float64]) -> tuple[float, float]:
-    """Interval of the mean of values, by blocks that are drawn with replacement."""
-    total, count = np.bincount(number, values), np.bincount(number)
-    rng, several = np.random.default_rng(0), len(total)
-    times = rng.multinomial(several, np.full(several, 1 / several), DRAWS)
-    low, high = limits((times @ total) / (times @ count), count)
-    return float(low), float(high)
+def _tallied(xy: Floats, right: Mask, side: float | None) -> Tallies:
+    """Matrices of the blocks of points of one class, of which some are given another."""
+    ground = blocks(xy, side)
+    counts = np.bincount(ground.number * 4 + ~right, minlength=4 * len(ground))
+    return Tallies(counts.reshape(-1, 2, 2), ground.square)
+
+
+def _share(stack: Floats) -> dict[str, Floats]:
+    return {"right": stack[..., 0, 0] / stack.sum(axis=(-2, -1))}
+
+
+def _apart(stack: Floats) -> dict[str, Floats]:
+    found = _share(stack)["right"]
+    return {"right": found[:, 1] - found[:, 0]}

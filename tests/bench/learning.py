@@ -23,7 +23,10 @@ CLASSES, RADII = (2, 3, 4, 5, 6), (1.0, 2.0, 4.0)
 MERGED = np.array([0, 1, 2, 5, 5, 5, 6, *range(7, 256)])  # low to high vegetation are one
 OBJECTS = np.array([0, 1, 2, 1, 1, 1, 6, *range(7, 256)])  # what AHN has: ground, building, rest
 
+LINE_CLASSES = (1, 2, 5, 14, 15)
+
 Codes = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 
 def learning() -> None:
@@ -32,7 +35,7 @@ def learning() -> None:
 
 
 def learning_elsewhere() -> None:
-    """From one survey to another; wires and towers."""
+    """From one survey to another."""
     tiles = {name: _opened(name) for name in (*TILES, *AHN3, AHN4)}
     french = _model([tiles[name] for name in TILES], CLASSES)
     for name in (*AHN3, AHN4):
@@ -40,10 +43,38 @@ def learning_elsewhere() -> None:
     dutch = _model([tiles[name] for name in (*AHN3, AHN4)], (1, 2, 6))
     for name in TILES:
         _elsewhere(f"AHN to {name}", dutch, tiles[name], OBJECTS)
+
+
+def learning_lines() -> None:
+    """Wires and towers of each line by a model of the other one, beside corridor.extract."""
+    from algorithms.corridor.extract import CorridorExtract
+
     clouds = [_opened(name) for name in LINES]
-    codes = (1, 2, 5, 14, 15)
-    lines = _model(clouds[:1], codes)
-    _elsewhere(f"wires: {LINES[0]} to {LINES[1]}", lines, clouds[1], np.arange(256))
+    for own, other in ((0, 1), (1, 0)):
+        made = _model(clouds[own : own + 1], LINE_CLASSES)
+        _elsewhere(f"wires: {LINES[own]} to {LINES[other]}", made, clouds[other], np.arange(256))
+        true, learnt, _ = _applied(made, clouds[other])
+        found = CorridorExtract(points=clouds[other]).run().classified
+        extracted = found["classification"].astype(np.int64)
+        for code, name in ((14, "wires"), (15, "towers")):
+            _second_opinion(
+                f"{name} of {LINES[other]}", *(c == code for c in (true, learnt, extracted))
+            )
+
+
+def _second_opinion(title: str, true: Mask, learnt: Mask, extracted: Mask) -> None:
+    """F1 of both, and of the points on which they differ how many each has right."""
+    from sklearn.metrics import f1_score
+
+    differ = learnt != extracted
+    wrong = extracted != true
+    say(
+        f"learning  {title:50} F1 learnt {100 * f1_score(true, learnt):.1f}, "
+        f"corridor.extract {100 * f1_score(true, extracted):.1f}; they differ on "
+        f"{differ.sum()} points, of which corridor.extract has "
+        f"{100 * (~wrong)[differ].mean():.0f} % right; of its {wrong.sum()} errors "
+        f"{100 * differ[wrong].mean():.0f} % are among them"
+    )
 
 
 def suggesting() -> None:
@@ -235,7 +266,7 @@ def _learnt(
         data = features[chosen]
         parts.append((data, np.searchsorted(codes, label[chosen]), weight, cloud.xyz[chosen, :2]))
     data, label, weight, xy = (np.concatenate(column) for column in zip(*parts, strict=True))
-    points = Labelled(data, label, weight, blocks(xy, block)[0])
+    points = Labelled(data, label, weight, blocks(xy, block).number)
     about = {"kind": "boosting", "classes": list(codes), "features": names, "density": 1.0}
     how = Settings("boosting", 50, False, 0, about)
     points = binned(points, how)

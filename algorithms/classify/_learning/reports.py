@@ -23,7 +23,7 @@ from algorithms.classify._learning.training import (
     Settings,
     trained,
 )
-from algorithms.shared.accuracy.blocks import intervals
+from algorithms.shared.accuracy.blocks import Tallies, intervals
 from algorithms.shared.accuracy.confusion import (
     CLASS_MEASURES,
     MEASURES,
@@ -42,30 +42,35 @@ Row = dict[str, Any]
 Ints = NDArray[np.int64]
 
 
-def matrices(points: Labelled, given: Ints, classes: int) -> Floats:
-    """Confusion matrix of each block, of the points that the learnt ones stand for, (b, k, k)."""
+def matrices(points: Labelled, given: Ints, classes: int) -> Tallies:
+    """Confusion matrix of each block, of the points that the learnt ones stand for."""
     held, number = np.unique(points.block, return_inverse=True)
     cell = (number * classes + points.label) * classes + given
     found = np.bincount(cell, points.weight, minlength=len(held) * classes**2)
-    return np.asarray(found.reshape(-1, classes, classes), float)
+    counts = np.asarray(found.reshape(-1, classes, classes), float)
+    square = np.zeros(len(held), np.int64) if points.square is None else points.square[held]
+    return Tallies(counts, square)
 
 
-def accuracy_rows(by_block: Floats, seed: int) -> Iterator[Row]:
+def accuracy_rows(by_block: Tallies, seed: int) -> Iterator[Row]:
     """Measures of all classes with the intervals of blocks."""
-    values, spread = measures(by_block.sum(axis=0)[None]), intervals(by_block, measures, seed)
+    values, spread = (
+        measures(by_block.counts.sum(axis=0)[None]),
+        intervals(by_block, measures, seed),
+    )
     for name, (unit, meaning) in MEASURES.items():
         low, high = (_known(v) for v in spread[name])
         row = {"measure": name, "value": _known(values[name][0]), "low": low, "high": high}
         yield row | {"unit": unit, "meaning": meaning}
 
 
-def class_rows(by_block: Floats, classes: Sequence[int], seed: int) -> Iterator[Row]:
+def class_rows(by_block: Tallies, classes: Sequence[int], seed: int) -> Iterator[Row]:
     """One row per class: points, blocks, and each measure with its limits."""
-    whole, spread = by_block.sum(axis=0), intervals(by_block, class_measures, seed)
+    whole, spread = by_block.counts.sum(axis=0), intervals(by_block, class_measures, seed)
     values = class_measures(whole[None])
     for k, code in enumerate(classes):
         row: Row = {"class": int(code), "points": round(whole[k].sum())}
-        row["blocks"] = int(np.count_nonzero(by_block[:, k].sum(axis=1)))
+        row["blocks"] = int(np.count_nonzero(by_block.counts[:, k].sum(axis=1)))
         for name in CLASS_MEASURES:
             low, high = (_known(limit[k]) for limit in spread[name])
             value = _known(values[name][0, k])
@@ -73,9 +78,9 @@ def class_rows(by_block: Floats, classes: Sequence[int], seed: int) -> Iterator[
         yield row
 
 
-def matrix_rows(by_block: Floats, classes: Sequence[int]) -> Iterator[Row]:
+def matrix_rows(by_block: Tallies, classes: Sequence[int]) -> Iterator[Row]:
     """One row per class of the labels."""
-    for code, line in zip(classes, by_block.sum(axis=0), strict=True):
+    for code, line in zip(classes, by_block.counts.sum(axis=0), strict=True):
         given = {f"class {c}": round(n) for c, n in zip(classes, line, strict=True)}
         yield {"reference": f"class {code}"} | given | {"total": round(line.sum())}
 
@@ -142,7 +147,7 @@ def learning_rows(
         if len(np.unique(some.label)) > 1:
             model = made if count == len(held) else trained(some, how)
             given = model.scores(kept.data).argmax(axis=1)
-            found = measures(matrices(kept, given, k).sum(axis=0)[None])
+            found = measures(matrices(kept, given, k).counts.sum(axis=0)[None])
             row: Row = {"blocks": count, "points": len(some.label)}
             row["overall_accuracy"] = float(found["overall_accuracy"][0])
             yield row | {"mean_f1": float(found["mean_f1"][0])}

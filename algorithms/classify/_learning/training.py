@@ -49,6 +49,7 @@ class Labelled:
     weight : how many points of the data each stands for
     block : number of the block of ground
     bins : in which features are looked at; None to make them of these points
+    square : number of the square of four blocks in which each block lies; None for one of all
     """
 
     data: Rows
@@ -56,12 +57,13 @@ class Labelled:
     weight: Floats
     block: Ints
     bins: Bins | None = None
+    square: Ints | None = None
 
     def some(self, which: NDArray[Any]) -> Labelled:
         """A part of the points, in the bins of all of them."""
         bins = self.bins and Bins(self.bins.edges, self.bins.number[which])
         own = self.data[which], self.label[which], self.weight[which], self.block[which]
-        return Labelled(*own, bins)
+        return Labelled(*own, bins, self.square)
 
 
 @dataclass(frozen=True)

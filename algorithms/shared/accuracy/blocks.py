@@ -5,10 +5,17 @@ than their number. Blocks that are larger than such clumps are nearly independen
 as many of them as there are, drawn again and again, show how far a measure would differ had other
 ground been surveyed.
 
+No block is larger than all clumps. What clumps that run on from block to block add to the variance
+is in proportion to the edges of the blocks, so that it halves where their sides double: from the
+variance V of blocks and that of squares of four of them, the one without edges is
+2 V(four) - V(one).
+
 References
 ----------
 Künsch, H. R. (1989). The jackknife and the bootstrap for general stationary observations. Annals of
 Statistics 17(3), 1217-1241: blocks in place of single observations.
+Politis, D. N. and Romano, J. P. (1995). Bias-corrected nonparametric spectral estimation. Journal
+of Time Series Analysis 16(1), 67-103: section 2, twice the longer window less the shorter one.
 Efron, B. and Tibshirani, R. J. (1993). An introduction to the bootstrap: section 13.3, percentiles.
 Hesterberg, T. C. (2015). What teachers should know about the bootstrap. The American Statistician
 69(4), 371-386: section 4.1.1, percentiles of few observations must lie farther out.
@@ -17,6 +24,8 @@ Hesterberg, T. C. (2015). What teachers should know about the bootstrap. The Ame
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +33,62 @@ from numpy.typing import NDArray
 from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Counts = NDArray[np.int64] | NDArray[np.float64]
 Measure = Callable[[Floats], Mapping[str, Floats]]
 
-WANTED = 100  # blocks, if nothing is said of their size: percentiles need dozens
+WANTED = 100  # blocks, if nothing is said of their size: some 25 squares of four
 MOST = 10_000  # blocks
-FEWEST = 20  # blocks below which intervals come out too narrow
 LEAST = 8  # blocks below which less than 0.9 of the intervals hold the truth even where errors are
 # spread evenly, as rates of an exponential distribution (`tests.bench accuracy`)
-DRAWS = 1000  # of which 25 lie beyond each limit
+DRAWS = 2000  # of which two lie beyond the limits that are farthest out
 CHUNK = 1 << 22  # numbers of matrices held at a time
 SURE = 0.95  # share of intervals that should hold the truth
+FEW_CLUMPS = 10  # of errors, below which intervals hold the truth less often
 
 
-def blocks(xy: Floats, side: float | None) -> tuple[NDArray[np.int64], float]:
-    """Number of the square block of each position, and the side of the blocks.
+@dataclass(frozen=True)
+class Blocks:
+    """Square blocks of ground that hold positions.
+
+    Attributes
+    ----------
+    number : block of each position, array of shape (n,), without gaps
+    square : number of the square of four blocks in which each block lies, array of shape (b,)
+    side : of the blocks, in the unit of the positions
+    """
+
+    number: Ints
+    square: Ints
+    side: float
+
+    def __len__(self) -> int:
+        return len(self.square)
+
+
+@dataclass(frozen=True)
+class Tallies:
+    """Confusion matrices of blocks.
+
+    Attributes
+    ----------
+    counts : array of shape (b, ..., k, k)
+    square : as in :class:`Blocks`
+    """
+
+    counts: Counts
+    square: Ints
+
+    def joined(self) -> Counts:
+        """The matrices of the squares of four blocks."""
+        held, own = np.unique(self.square, return_inverse=True)
+        found = np.zeros((len(held), *self.counts.shape[1:]), self.counts.dtype)
+        np.add.at(found, own, self.counts)
+        return found
+
+
+def blocks(xy: Floats, side: float | None) -> Blocks:
+    """Square blocks around positions.
 
     Parameters
     ----------
@@ -47,9 +97,9 @@ def blocks(xy: Floats, side: float | None) -> tuple[NDArray[np.int64], float]:
 
     Returns
     -------
-    array of shape (n,), and a number
-        Blocks are numbered from 0 without gaps, from the lowest coordinates on, so that the order
-        of the points does not matter.
+    Blocks
+        They are numbered from the lowest coordinates on, so that the order of the points does not
+        matter.
 
     Raises
     ------
@@ -58,9 +108,9 @@ def blocks(xy: Floats, side: float | None) -> tuple[NDArray[np.int64], float]:
 
     Examples
     --------
-    >>> number, side = blocks(np.array([[0, 0], [3, 0], [4, 0], [21, 8.0]]), 5.0)
-    >>> number.tolist()
-    [0, 0, 0, 1]
+    >>> found = blocks(np.array([[0, 0], [3, 0], [7, 0], [21, 8.0]]), 5.0)
+    >>> found.number.tolist(), found.square.tolist()
+    ([0, 0, 1, 2], [0, 0, 1])
     """
     low, extent = xy.min(axis=0), np.ptp(xy, axis=0)
     if side is None:
@@ -74,7 +124,9 @@ def blocks(xy: Floats, side: float | None) -> tuple[NDArray[np.int64], float]:
     keys, number = _occupied(xy, low, side)
     if len(keys) > MOST:
         raise DataError(f"block: {len(keys):,} blocks hold points, at most {MOST:,} may; raise it")
-    return number, side
+    square = np.zeros(len(keys), np.int64)
+    square[number] = _occupied(xy, low, 2 * side)[1]
+    return Blocks(number, square, side)
 
 
 def _occupied(xy: Floats, low: Floats, side: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -104,57 +156,169 @@ def drawn(by_block: Counts, seed: int) -> Iterator[Floats]:
         yield (times[first : first + step].astype(float) @ flat).reshape(-1, *shape)
 
 
-def intervals(by_block: Counts, measure: Measure, seed: int) -> dict[str, tuple[Floats, Floats]]:
+def intervals(tallies: Tallies, measure: Measure, seed: int) -> dict[str, tuple[Floats, Floats]]:
     """Limits of the 95 % interval of each measure; NaN where the blocks tell none.
 
     That is so with fewer than LEAST blocks, and where all draws have the same value: blocks of
     which none has an error do not say how rare errors are.
 
+    Parameters and results are those of :func:`spread`.
+    """
+    found = spread(tallies, measure, seed)
+    return {
+        name: (np.where(low < high, low, np.nan), np.where(low < high, high, np.nan))
+        for name, (low, high) in found.items()
+    }
+
+
+def spread(tallies: Tallies, measure: Measure, seed: int) -> dict[str, tuple[Floats, Floats]]:
+    """Limits of the 95 % interval of each measure; both the same where all draws are alike.
+
+    Squares of four blocks are drawn, or the blocks themselves where there are fewer than LEAST
+    squares.
+
     Parameters
     ----------
-    by_block : array of shape (b, k, k)
+    tallies : of b blocks
     measure : computes measures of a stack of matrices, by name; each of shape (m, ...)
     seed : of the draws
 
     Returns
     -------
     dict of pairs of arrays of shape (...)
-        Draws in which a measure is not defined are left out.
+        Draws in which a measure is not defined are left out. NaN with fewer than LEAST blocks.
     """
-    found = [measure(stack) for stack in drawn(by_block, seed)]
-    spread: dict[str, tuple[Floats, Floats]] = {}
-    for name in found[0]:
-        low, high = limits(np.concatenate([f[name] for f in found]), by_block)
-        spread[name] = np.where(low < high, low, np.nan), np.where(low < high, high, np.nan)
-    return spread
+    counts, joined = tallies.counts, tallies.joined()
+    of_blocks = _values(counts, measure, seed)
+    if len(counts) < LEAST:
+        return {name: (np.full(v.shape[1:], np.nan),) * 2 for name, v in of_blocks.items()}
+    if len(joined) < LEAST:
+        out = percentile(len(counts), len(counts) - 1)
+        return {name: _limits(v, np.full(v.shape[1:], out)) for name, v in of_blocks.items()}
+    found, free = {}, freedom(len(counts), len(joined))
+    for name, values in _values(joined, measure, seed).items():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = _variance(of_blocks[name], len(counts)) / _variance(values, len(joined))
+        found[name] = _limits(values, percentile(len(joined), free, _wider(ratio)))
+    return found
 
 
-def percentiles(count: int) -> tuple[float, float]:
-    """The percentiles of the draws of some blocks that are the limits of an interval of 95 %.
+def _values(counts: Counts, measure: Measure, seed: int) -> dict[str, Floats]:
+    """Measures of the draws of some matrices."""
+    found = [measure(stack) for stack in drawn(counts, seed)]
+    return {name: np.concatenate([f[name] for f in found]) for name in found[0]}
+
+
+def _variance(values: Floats, count: int) -> Floats:
+    """Variance along the first axis of draws of some blocks; draws differ by too little."""
+    defined = np.isfinite(values)
+    shown = np.where(defined, values, 0.0)
+    times = np.maximum(defined.sum(axis=0), 1)
+    mean = shown.sum(axis=0) / times
+    squares = np.where(defined, (values - mean) ** 2, 0.0)
+    return np.asarray(squares.sum(axis=0) / times * count / (count - 1))
+
+
+def _wider(ratio: Floats) -> Floats:
+    """Standard deviation without edges of blocks, of that of squares of four; 1 if not known.
+
+    Parameters
+    ----------
+    ratio : variance of blocks, of that of squares of four
+    """
+    return np.asarray(np.sqrt(2 - np.where(np.isfinite(ratio), np.minimum(ratio, 1.0), 1.0)))
+
+
+def freedom(blocks: int, squares: int) -> float:
+    """Degrees of freedom of 2 V(four) - V(one), as of a variance of so many independent values.
+
+    Relative variances of both are 2 / (n - 1), and their covariance is that of V(one), as squares
+    are sums of blocks.
+
+    Examples
+    --------
+    >>> round(freedom(100, 25), 1)
+    7.3
+    """
+    return 1 / (4 / (squares - 1) - 3 / (blocks - 1))
+
+
+def percentile(count: int, free: float, wider: Any = 1.0) -> Any:
+    """The percentile of the draws of some blocks that is the lower limit of an interval of 95 %.
 
     Draws of n blocks differ by too little, by the root of (n - 1) / n, and their spread is itself
     estimated from n blocks: percentiles are taken as far out as Student's distribution has them.
 
+    Parameters
+    ----------
+    count : of the blocks that are drawn
+    free : degrees of freedom of the variance
+    wider : standard deviation of the measure, of that of the draws; number or array
+
     Examples
     --------
-    >>> [round(percentiles(n)[0], 1) for n in (1000, 100, 20, 5)]
+    >>> [round(float(percentile(n, n - 1)), 1) for n in (1000, 100, 20, 5)]
     [2.5, 2.3, 1.6, 0.1]
     """
     from scipy.special import ndtr, stdtrit  # scipy.stats would take half a second to import
 
-    out = stdtrit(count - 1, (1 + SURE) / 2) * np.sqrt(count / (count - 1))
-    low = 100 * float(ndtr(-out))
-    return low, 100 - low
+    out = stdtrit(free, (1 + SURE) / 2) * np.sqrt(count / (count - 1))
+    return 100 * ndtr(-out * wider)
 
 
-def limits(values: Floats, by_block: Counts) -> tuple[Floats, Floats]:
-    """The limits of the intervals of the values along the first axis, drawn from some blocks."""
-    if len(by_block) < LEAST:
-        return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
-    defined = np.isfinite(values).any(axis=0)
-    shown = np.where(defined, values, 0.0)
-    low, high = (
-        np.where(defined, v, np.nan)
-        for v in np.nanpercentile(shown, percentiles(len(by_block)), axis=0)
-    )
-    return low, high
+def _limits(values: Floats, low: Floats) -> tuple[Floats, Floats]:
+    """Limits along the first axis at percentiles of the shape of the others."""
+    flat, out = values.reshape(len(values), -1), np.ravel(low)
+    pairs = np.full((flat.shape[1], 2), np.nan)
+    for k, (column, percent) in enumerate(zip(flat.T, out, strict=True)):
+        known = column[np.isfinite(column)]
+        if len(known):
+            pairs[k] = np.percentile(known, (percent, 100 - percent))
+    first, last = pairs.T.reshape(2, *values.shape[1:])
+    return first, last
+
+
+class Clumping(NamedTuple):
+    """How errors come together.
+
+    Attributes
+    ----------
+    growth : variance of the share of errors by squares of four blocks, of that by blocks; 1 where
+        blocks do not resemble their neighbours
+    wide : whether that is more than chance makes of it (two standard deviations)
+    clumps : as many errors that are independent vary by as much; NaN without an error
+    """
+
+    growth: float
+    wide: bool
+    clumps: float
+
+    @classmethod
+    def of(cls, tallies: Tallies) -> Clumping | None:
+        """From matrices of shape (b, k, k); None with fewer than LEAST squares of four blocks."""
+        joined = tallies.joined()
+        if len(joined) < LEAST:
+            return None
+        share, one = _share_wrong(tallies.counts)
+        _, four = _share_wrong(joined)
+        if one == 0:
+            return cls(1.0, False, np.nan)
+        n, m = len(tallies.counts), len(joined)
+        variance = max(2 * four - one, four, one)
+        by_chance = 1 + 2 * np.sqrt(2 / (m - 1) - 2 / (n - 1))
+        clumps = share**2 * (1 - share) / variance
+        return cls(four / one, bool(four > one * by_chance), float(clumps))
+
+    @property
+    def few(self) -> bool:
+        """Whether there are too few errors for an interval that holds in 95 of 100 cases."""
+        return self.clumps < FEW_CLUMPS
+
+
+def _share_wrong(counts: Counts) -> tuple[float, float]:
+    """Share of errors, and its variance between matrices of shape (b, k, k)."""
+    total = counts.sum(axis=(1, 2)).astype(float)
+    wrong = total - np.trace(counts, axis1=1, axis2=2)
+    share = wrong.sum() / total.sum()
+    off = ((wrong - share * total) ** 2).sum() / total.sum() ** 2
+    return float(share), float(off * len(counts) / (len(counts) - 1))

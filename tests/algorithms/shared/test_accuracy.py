@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from algorithms.shared.accuracy.blocks import DRAWS, blocks, drawn, intervals
+from algorithms.shared.accuracy.blocks import (
+    DRAWS,
+    Clumping,
+    Tallies,
+    blocks,
+    drawn,
+    intervals,
+)
 from algorithms.shared.accuracy.confusion import Confusion, class_measures, measures
 from algorithms.shared.accuracy.samples import Estimates
 from toolbox.errors import DataError
@@ -87,12 +94,15 @@ def test_blocks_do_not_depend_on_the_order_and_are_about_a_hundred() -> None:
     rng = np.random.default_rng(0)
     xy = rng.uniform(0, 1000, (5000, 2))
     xy = xy[np.abs(xy[:, 0] - xy[:, 1]) < 100]  # a slanted corridor
-    number, side = blocks(xy, None)
+    found = blocks(xy, None)
+    number, side = found.number, found.side
+    assert len(found) == number.max() + 1
+    assert len(found) / 4 < found.square.max() + 1 < len(found) / 2
     assert 60 < number.max() + 1 < 160
     order = rng.permutation(len(xy))
-    np.testing.assert_array_equal(blocks(xy[order], None)[0], number[order])
-    assert blocks(xy, 2 * side)[0].max() < number.max()
-    assert blocks(np.zeros((4, 2)), None)[0].tolist() == [0, 0, 0, 0]
+    np.testing.assert_array_equal(blocks(xy[order], None).number, number[order])
+    assert blocks(xy, 2 * side).number.tolist() == found.square[number].tolist()
+    assert blocks(np.zeros((4, 2)), None).number.tolist() == [0, 0, 0, 0]
     with pytest.raises(DataError, match=r"block: .* blocks hold points, at most 10,000"):
         blocks(rng.uniform(0, 1000, (20_000, 2)), 1.0)
 
@@ -106,15 +116,19 @@ def clumps(seed: int, side: float) -> tuple[NDArray[np.float64], NDArray[np.bool
     return xy, wrong[patch[:, 0], patch[:, 1]]
 
 
+def tallied(xy: NDArray[np.float64], wrong: NDArray[np.bool_], side: float) -> Tallies:
+    """Matrices of blocks of points of one class, of which some are given another one."""
+    ground = blocks(xy, side)
+    counts = np.bincount(ground.number * 4 + wrong, minlength=4 * len(ground))
+    return Tallies(counts.reshape(-1, 2, 2), ground.square)
+
+
 def covered(block: float, patch: float = 10.0, runs: int = 60) -> float:
     """Share of scenes whose interval of the overall accuracy holds the true 80 %."""
     held = 0
     for seed in range(runs):
         xy, wrong = clumps(seed, patch)
-        number, _ = blocks(xy, block)
-        cell = number * 4 + wrong
-        by_block = np.bincount(cell, minlength=4 * (number.max() + 1)).reshape(-1, 2, 2)
-        low, high = intervals(by_block, measures, seed)["overall_accuracy"]
+        low, high = intervals(tallied(xy, wrong, block), measures, seed)["overall_accuracy"]
         held += bool(low <= 80 <= high)
     return held / runs
 
@@ -125,13 +139,18 @@ def test_intervals_hold_the_truth_if_blocks_are_larger_than_clumps_of_errors() -
     assert covered(1.99, runs=20) < 0.8  # as if neighbours were independent
 
 
+def alone(counts: NDArray[np.int64]) -> Tallies:
+    """Blocks of which no four make a square."""
+    return Tallies(counts, np.zeros(len(counts), np.int64))
+
+
 def test_draws_are_those_of_the_seed_and_of_whole_blocks() -> None:
     by_block = np.arange(3 * 4).reshape(3, 2, 2)
     first, again = (np.concatenate([*drawn(by_block, 5)]) for _ in range(2))
     np.testing.assert_array_equal(first, again)
     assert len(first) == DRAWS
     assert not np.array_equal(first, np.concatenate([*drawn(by_block, 6)]))
-    low, high = intervals(by_block[:1], measures, 0)["overall_accuracy"]
+    low, high = intervals(alone(by_block[:1]), measures, 0)["overall_accuracy"]
     assert np.isnan(low)
     assert np.isnan(high)
 
@@ -143,7 +162,58 @@ def test_no_interval_is_made_of_few_blocks_or_of_blocks_that_are_all_alike() -> 
         return {"right": stack[:, [0, 1], [0, 1]].sum(axis=1) / stack.sum(axis=(1, 2))}
 
     differing = np.array([block + np.array([[0, k % 3], [0, 0]]) for k in range(8)])
-    low, high = intervals(differing, share, 0)["right"]
+    low, high = intervals(alone(differing), share, 0)["right"]
     assert low < high
     for given in (differing[:-1], np.array([block] * 50)):
-        assert np.isnan(intervals(given, share, 0)["right"]).all()
+        assert np.isnan(intervals(alone(given), share, 0)["right"]).all()
+
+
+def board(same: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """A point on each of 20 x 20 m, of which 20 % are wrong in patches of `same` by `same`."""
+    x, y = np.indices((20, 20)).reshape(2, -1)
+    wrong = np.random.default_rng(3).permutation(400).reshape(20, 20) % 5 == 0
+    return np.column_stack([x, y]).astype(float), wrong[x // same, y // same]
+
+
+def test_errors_wider_than_blocks_widen_the_interval_and_are_told() -> None:
+    apart, wide = (tallied(*board(same), 1.0) for same in (1, 4))
+    assert 0.7 < Clumping.of(apart).growth < 1.4  # type: ignore[union-attr]
+    found = Clumping.of(wide)
+    assert found is not None
+    assert found.growth == pytest.approx(4, rel=0.02)  # all four blocks of a square are alike
+    assert found.wide
+    assert not Clumping.of(apart).wide  # type: ignore[union-attr]
+    assert not Clumping.of(apart).few  # type: ignore[union-attr]
+    assert found.clumps < 0.25 * Clumping.of(apart).clumps  # type: ignore[union-attr]
+    blind = Tallies(wide.joined(), np.zeros(len(wide.joined()), np.int64))
+    (low, high), (least, most) = (
+        intervals(of, measures, 0)["overall_accuracy"] for of in (wide, blind)
+    )
+    # that squares of four vary more than blocks says that what is larger will vary still more
+    assert high - low > 1.25 * (most - least)
+
+
+def test_clumping_is_not_known_of_few_blocks_or_without_errors() -> None:
+    xy, wrong = board(1)
+    assert Clumping.of(tallied(xy, wrong, 5.0)) is None  # 16 blocks are 4 squares
+    none = Clumping.of(tallied(xy, np.zeros_like(wrong), 1.0))
+    assert none is not None
+    assert np.isnan(none.clumps)
+    assert not none.few
+
+
+def test_few_clumps_of_errors_are_told() -> None:
+    x, y = np.indices((20, 20)).reshape(2, -1)
+    xy = np.column_stack([x, y]).astype(float)
+    for places, few in ((3, True), (30, False)):
+        wrong = np.zeros((20, 20), bool)
+        wrong.ravel()[np.random.default_rng(0).permutation(400)[:places]] = True
+        found = Clumping.of(tallied(xy, wrong.ravel(), 1.0))
+        assert found is not None
+        assert found.few == few
+        assert found.clumps == pytest.approx(places, rel=0.4)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_if_clumps_of_errors_are_wider_than_blocks() -> None:
+    assert covered(10.0, patch=18.0) > 0.82  # 0.68 without the squares of four

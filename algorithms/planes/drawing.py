@@ -25,6 +25,8 @@ TICK = 0.6  # of the height of a text: half of the stroke that ends a dimension 
 OFF = 2.5  # heights of a text from the wall to the first line of dimensions, and to the next
 ROW = 1.8  # heights of a text from one line of the title block to the next
 SHOWN_DIGITS = 3  # of a certainty
+SMALL = 0.6  # height of the levels in an opening over that of other texts
+LETTER = 0.7  # width of a letter over its height
 MILLIMETRES = 1000.0  # in a metre
 
 
@@ -48,12 +50,15 @@ class PlanesDrawing:
     Write it as .dxf: a layer each for walls, openings, dimensions, numbers and the title block, in
     metres or millimetres as asked. Parts of a front without points of its wall are crossed out on a
     layer of their own, `unseen`. A star at the number of an opening tells that some of its sides
-    were not seen and may be elsewhere. Below each front stand the widths of the openings of its
-    lowest row and the piers between them, and its whole length; to the left sills and heads of the
-    openings, and its whole height; in each opening its number. All are rounded to `rounding`. The
-    title block says how far apart the points are.
+    were not seen and may be elsewhere. Below each front stand, row by row, the widths of the
+    openings and the piers between them, with the numbers of the openings at its left, and its whole
+    length; to the left sills and heads of the openings that are farthest to the left, and its whole
+    height. In each opening stand its number and the levels of sill and head above the lowest point
+    of the front. Places are rounded to `rounding` from the lower left corner of the front, so that
+    dimensions add up. The title block says how far apart the points are.
 
-    The table lists the openings with width, height and sill in millimetres, front by front.
+    The table lists the openings with place, width, height and sill in millimetres, front by front,
+    with the figures of the drawing.
     """
 
     elevation: Vector = source("Elevation by planes.openings")
@@ -101,8 +106,7 @@ class PlanesDrawing:
         for wall in walls.itertuples():
             here = frame[frame["front_id"] == wall.front_id]
             bare = here.loc[here["kind"] == columns.UNSEEN].geometry.tolist()
-            openings = here[~here["kind"].isin(["facade", columns.UNSEEN])]
-            sheet.front(int(wall.front_id), wall.geometry, openings, bare)
+            sheet.front(int(wall.front_id), wall.geometry, _openings(here), bare)
         if len(walls):
             sheet.title_block(
                 self.subject or "Fronts of the building",
@@ -111,7 +115,9 @@ class PlanesDrawing:
                 float(walls["spacing"].max()) if "spacing" in walls else None,
                 (frame["kind"] == columns.UNSEEN).any(),
             )
-        return self.Outputs(drawing=sheet.layer(self.elevation), schedule=schedule(frame, metre))
+        return self.Outputs(
+            drawing=sheet.layer(self.elevation), schedule=schedule(frame, self.rounding, metre)
+        )
 
 
 class Sheet:
@@ -135,8 +141,8 @@ class Sheet:
         self, number: int, wall: Any, openings: geopandas.GeoDataFrame, unseen: list[Any]
     ) -> None:
         """Draw a front with its openings and their dimensions, and what was not seen of it."""
-        left, bottom, right, top = wall.bounds
         outline = shapely.unary_union([wall, *openings.geometry])
+        left, bottom, right, top = outline.bounds
         for part in shapely.get_parts(outline):
             self._add("walls", shapely.LineString(part.exterior.coords))
         for one in openings.itertuples():
@@ -149,13 +155,31 @@ class Sheet:
             for across in crossed(part):
                 self._add(columns.UNSEEN, across)
         self._text("numbers", f"Front {number}", (left + right) / 2, top + OFF * self.size)
-        boxes = openings.geometry.bounds.to_numpy()
+        zero = np.array([left, bottom])
+        boxes = zero[[0, 1, 0, 1]] + rounded(openings.geometry.bounds, zero, self.rounding)
+        right, top = zero + rounded(np.array([right, top]), zero, self.rounding)
+        self._levels(boxes, bottom)
         near = OFF * self.size
-        chains = [(piers(boxes, left, right), bottom, 0), (levels(boxes, bottom, top), left, 1)]
-        for places, edge, along in chains:
-            self._chain(places, edge - near, along=along)
-            if len(places) > 2:
-                self._chain(places[[0, -1]], edge - 2 * near, along=along)
+        numbers = openings["opening_id"].to_numpy(np.int64)
+        low, rows = bottom, rows_of(boxes)
+        for row in rows:
+            low -= near
+            self._chain(ends(boxes[row][:, [0, 2]], left, right), low, along=0)
+            name = ", ".join(map(str, numbers[row[np.argsort(boxes[row, 0])]]))
+            self._text("dimensions", name, left - (LETTER * len(name) / 2 + 1) * self.size, low)
+        self._chain(np.array([left, right]), low - near, along=0)
+        column = levels(boxes, bottom, top)
+        self._chain(column, left - near, along=1)
+        if len(column) > 2:
+            self._chain(column[[0, -1]], left - 2 * near, along=1)
+
+    def _levels(self, boxes: Floats, zero: float) -> None:
+        """The heights of sill and head above the zero of the front, within each opening."""
+        size = SMALL * self.size
+        for left, bottom, right, top in boxes:
+            for level, inwards in ((bottom, size), (top, -size)):
+                value = f"{'+' if level > zero else ''}{self._number(level - zero)}"
+                self._text("levels", value, (left + right) / 2, level + inwards, size=size)
 
     def _chain(self, places: Floats, across: float, *, along: int) -> None:
         """A line of dimensions, with a stroke at each place and the distances between."""
@@ -168,17 +192,15 @@ class Sheet:
             self._add(
                 "dimensions", shapely.LineString([(x - tick, y - tick), (x + tick, y + tick)])
             )
-        # Places are rounded, not the lengths between them, or these would not add up to the whole.
-        steps = np.round((places - places[0]) / self.rounding)
-        for (one, other), length in zip(pairwise(places), np.diff(steps), strict=True):
+        for one, other in pairwise(places):
             x, y = _at(
                 (one + other) / 2, across + 0.8 * self.size * (1 if along == 0 else -1), along
             )
-            self._text("dimensions", self._number(length), x, y, angle=90.0 * along)
+            self._text("dimensions", self._number(other - one), x, y, angle=90.0 * along)
 
-    def _number(self, steps: float) -> str:
-        """So many steps of the rounding, as they stand in the drawing."""
-        value = steps * self.rounding / self.metre * self.shown
+    def _number(self, length: float) -> str:
+        """A length between rounded places, as it stands in the drawing."""
+        value = round(length / self.rounding) * self.rounding / self.metre * self.shown
         digits = max(0, math.ceil(-math.log10(self.rounding / self.metre * self.shown) - 1e-9))
         return f"{value:.{digits}f}"
 
@@ -207,7 +229,7 @@ class Sheet:
         if spacing is not None:
             apart = f"{spacing / self.metre * self.shown:.{0 if unit == 'mm' else 2}f} {unit}"
             lines.append(f"Points {apart} apart: no edge is surer than that")
-        width = 0.7 * self.size * max(map(len, lines)) + 2 * self.size
+        width = LETTER * self.size * max(map(len, lines)) + 2 * self.size
         top, height = south - 2 * OFF * self.size, (len(lines) + 1) * ROW * self.size
         right = max(east, west + width)
         self._add(
@@ -219,8 +241,18 @@ class Sheet:
         for number, text in enumerate(lines, start=1):
             self._text("title", text, right - width / 2, top - number * ROW * self.size)
 
-    def _text(self, layer: str, text: str, x: float, y: float, *, angle: float = 0.0) -> None:
-        self._add(layer, shapely.Point(x, y), text=text, angle=angle, text_height=self.size)
+    def _text(
+        self,
+        layer: str,
+        text: str,
+        x: float,
+        y: float,
+        *,
+        angle: float = 0.0,
+        size: float | None = None,
+    ) -> None:
+        high = self.size if size is None else size
+        self._add(layer, shapely.Point(x, y), text=text, angle=angle, text_height=high)
 
     def _add(self, layer: str, shape: Any, **more: Any) -> None:
         self.rows.append({"layer": layer, **more})
@@ -267,19 +299,32 @@ def _middle(shape: Any) -> tuple[float, float]:
     return (left + right) / 2, (bottom + top) / 2
 
 
-def piers(boxes: Floats, left: float, right: float) -> Floats:
-    """Where openings of the lowest row begin and end along a front, with its ends.
+def rows_of(boxes: Floats) -> list[NDArray[np.int64]]:
+    """Indices of the openings of each row, from the lowest up.
+
+    To a row belong those that reach into the height of the one whose head is the lowest.
 
     Parameters
     ----------
-    boxes : array of shape (n, 4), bounds of the openings; those count that reach into the height
-        of the one that is widest among the lowest
+    boxes : array of shape (n, 4), bounds of the openings
+
+    Examples
+    --------
+    >>> [row.tolist() for row in rows_of(np.array([[0, 0, 1, 2], [2, 1, 3, 2], [0, 3, 1, 4.0]]))]
+    [[0, 1], [2]]
     """
-    if not len(boxes):
-        return np.array([left, right])
-    lowest = boxes[np.argmin(boxes[:, 3])]
-    row = boxes[(boxes[:, 1] < lowest[3]) & (boxes[:, 3] > lowest[1])]
-    return np.unique(np.concatenate([[left, right], row[:, 0], row[:, 2]]))
+    rows, left = [], np.arange(len(boxes))
+    while len(left):
+        lowest = boxes[left[np.argmin(boxes[left, 3])]]
+        here = (boxes[left, 1] < lowest[3]) & (boxes[left, 3] > lowest[1])
+        rows.append(left[here])
+        left = left[~here]
+    return rows
+
+
+def ends(pairs: Floats, first: float, last: float) -> Floats:
+    """Where openings begin and end, of shape (n, 2), with the ends of what they lie in."""
+    return np.unique(np.append(pairs, [first, last]))
 
 
 def levels(boxes: Floats, bottom: float, top: float) -> Floats:
@@ -293,27 +338,49 @@ def levels(boxes: Floats, bottom: float, top: float) -> Floats:
         return np.array([bottom, top])
     first = boxes[np.argmin(boxes[:, 2])]
     column = boxes[(boxes[:, 0] < first[2]) & (boxes[:, 2] > first[0])]
-    return np.unique(np.concatenate([[bottom, top], column[:, 1], column[:, 3]]))
+    return ends(column[:, [1, 3]], bottom, top)
 
 
-def schedule(frame: geopandas.GeoDataFrame, metre: float) -> Table:
-    """Table of the openings of an elevation, lengths in millimetres."""
-    found = frame[~frame["kind"].isin(["facade", columns.UNSEEN])]
-    walls = frame[frame["kind"] == "facade"]
-    ends = walls.bounds["minx"].groupby(walls["front_id"]).min()
-    lengths = {
-        "left": found.bounds["minx"] - found["front_id"].map(ends),
-        **{name: found[name] for name in ("width", "height", "sill")},
-    }
+def rounded(places: Any, zero: Floats, step: float) -> Floats:
+    """Places less a zero in whole steps: distances between such add up to the whole.
+
+    Parameters
+    ----------
+    places : array of shape (..., 2 k): right and up by turns
+    zero : of shape (2,)
+
+    Examples
+    --------
+    >>> rounded(np.array([[1.004, 0.0, 2.008, 2.1]]), np.zeros(2), 0.01).round(6).tolist()
+    [[1.0, 0.0, 2.01, 2.1]]
+    """
+    less = np.asarray(places, float) - np.resize(zero, np.shape(places)[-1])
+    return np.asarray(np.round(less / step) * step)
+
+
+def _openings(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:
+    return frame[~frame["kind"].isin(["facade", columns.UNSEEN])]
+
+
+def schedule(frame: geopandas.GeoDataFrame, step: float, metre: float) -> Table:
+    """Table of the openings of an elevation, lengths in millimetres, in steps as in its drawing."""
+    found = _openings(frame)
+    places = np.empty((len(found), 4))
+    for number, front in frame[frame["kind"] != columns.UNSEEN].groupby("front_id"):
+        here = (found["front_id"] == number).to_numpy()
+        places[here] = rounded(found.geometry.bounds[here], front.total_bounds[:2], step)
+    left, bottom, right, top = (places / metre * MILLIMETRES).round().astype("int64").T
+    sill = rounded(found[["sill", "sill"]].to_numpy(float), np.zeros(2), step)[:, 0]
     rows = pd.DataFrame(
         {
             "front_id": found["front_id"].astype("int64"),
             "opening_id": found["opening_id"].astype("int64"),
             "kind": found["kind"].astype(str),
-            **{
-                f"{name}_mm": (length / metre * MILLIMETRES).round().astype("int64")
-                for name, length in lengths.items()
-            },
+            "left_mm": left,
+            "level_mm": bottom,
+            "width_mm": right - left,
+            "height_mm": top - bottom,
+            "sill_mm": (sill / metre * MILLIMETRES).round().astype("int64"),
         }
     )
     if "set_back" in found:  # not known where nothing was seen in an opening

@@ -10,8 +10,8 @@ such as objects_critical and contours_index. A drawing has a unit, but no CRS.
 
 from __future__ import annotations
 
-import itertools
 import re
+import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -41,20 +41,45 @@ _SIZE = 2.0  # of texts that say none, in the unit of the drawing
 SEVERITY, INDEX = "severity", "is_index"
 _OF_INDEX = "_index"
 _OF_LABELS = "_labels"  # how layers of texts end, which have the colour of what they name
-_COLOURS = 3, 5, 6, 4, 200, 8, 94, 22  # of layers in turn, as numbers of AutoCAD
-_OF_SEVERITY = {"critical": 1, "warning": 30, "watch": 52}
+_OF_SEVERITY = {"critical": 1, "warning": 30, "watch": 52, "not sure": 9}
+_OF_LAYER = {  # colours as numbers of AutoCAD; offices plot by them, so a name has always the same
+    "walls": 7,
+    "openings": 5,
+    "door": 22,
+    "window": 5,
+    "unseen": 8,
+    "dimensions": 200,
+    "levels": 134,
+    "numbers": 6,
+    "title": 94,
+    "contours": 34,
+    "contours_index": 22,
+    "wires": 5,
+    "towers": 6,
+    "crossings": 200,
+}
+_OTHERS = 3, 4, 5, 6, 8, 22, 34, 54, 94, 134, 140, 174, 194, 200, 230  # for other names
 _NAMES = {  # of colours, for people
     1: "red",
     3: "green",
     4: "cyan",
     5: "blue",
     6: "magenta",
+    7: "black or white",
     8: "grey",
+    9: "light grey",
     22: "brown",
     30: "orange",
+    34: "dark orange",
     52: "dark yellow",
+    54: "olive",
     94: "dark green",
+    134: "teal",
+    140: "light blue",
+    174: "dark blue",
+    194: "dark violet",
     200: "violet",
+    230: "pink",
 }
 _HEAVY = 35  # hundredths of a millimetre: lines of index contours on paper
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
@@ -211,18 +236,29 @@ def layers_of(
 ) -> dict[str, tuple[int, int]]:
     """The layers of a drawing of features in their order: colour, and number of features.
 
-    Severities have the same colour in each drawing, texts that of what they name.
+    A name has the same colour in each drawing, and texts have that of what they name.
     """
-    names = [_layer_name(row, layer or path.stem, path) for row in _rows(frame)]
-    counts = Counter(names)
-    severities = [str(row.get(SEVERITY)) for row in _rows(frame)]
-    fixed = dict(zip(names, map(_OF_SEVERITY.get, severities), strict=True))
-    colours: dict[str, int] = {}
-    turns = itertools.cycle(_COLOURS)
-    for name in counts:
-        own = name.removesuffix(_OF_LABELS)
-        colours[name] = fixed[name] or colours.get(own) or next(turns)
-    return {name: (colours[name], count) for name, count in counts.items()}
+    rows = _rows(frame)
+    names = [_layer_name(row, layer or path.stem, path) for row in rows]
+    first = dict(zip(reversed(names), reversed(rows), strict=True))
+    found = {}
+    for name, count in Counter(names).items():
+        row = first[name]
+        plain = _layer_name({**row, SEVERITY: None}, layer or path.stem, path)
+        found[name] = _OF_SEVERITY.get(str(row.get(SEVERITY))) or colour_of(plain), count
+    return found
+
+
+def colour_of(layer: str) -> int:
+    """The colour of a layer without severity, as number of AutoCAD, by its name alone.
+
+    Examples
+    --------
+    >>> colour_of("towers"), colour_of("towers_labels")
+    (6, 6)
+    """
+    own = layer.removesuffix(_OF_LABELS)
+    return _OF_LAYER.get(own) or _OTHERS[zlib.crc32(own.encode()) % len(_OTHERS)]
 
 
 def colour_name(colour: int) -> str:
@@ -260,7 +296,7 @@ def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
     values = (row.get(name) for name in (LAYER, KIND))
     name = next((str(value) for value in values if not pd.isna(value)), layer)
     if not pd.isna(severity := row.get(SEVERITY)):
-        name = f"{name}_{severity}"
+        name = f"{name}_{severity}".replace(" ", "_")
     if row.get(INDEX) is True:
         name += _OF_INDEX
     if not is_valid_layer_name(name) or _CONTROL.search(name):

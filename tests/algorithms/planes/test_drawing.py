@@ -12,7 +12,7 @@ import shapely
 from pyproj import CRS
 from scenes.fronts import elevation
 
-from algorithms.planes.drawing import PlanesDrawing
+from algorithms.planes.drawing import PlanesDrawing, rows_of
 from toolbox.data import Vector
 from toolbox.errors import DataError
 
@@ -27,15 +27,46 @@ def test_dimensions_are_those_of_the_wall() -> None:
     found = PlanesDrawing(elevation=elevation(), subject="Town hall").run()
     frame = found.drawing.frame
     assert texts(frame, "dimensions") == [
-        *("1.00", "1.00", "2.00", "1.50", "4.50", "10.00"),
+        *("1.00", "1.00", "2.00", "1.50", "4.50", "1, 2"),
+        *("4.00", "1.50", "4.50", "3", "10.00"),
         *("2.10", "3.90", "6.00"),
     ]
+    assert texts(frame, "levels") == ["0.00", "+2.10", "+1.00", "+2.50", "+4.00", "+5.00"]
     assert texts(frame, "numbers") == ["1", "2", "3", "Front 1"]
     assert texts(frame, "title")[:3] == [
         "Town hall",
         "Elevation of 1 front, outside",
         "Dimensions in m, rounded to 0.01 m",
     ]
+
+
+def uneven() -> Vector:
+    """The elevation with openings whose gaps would each be rounded away from their sum."""
+    frame = elevation().frame
+    holes = [shapely.box(k + 0.1147, 0.1147, k + 0.6294, 2.6294) for k in range(8)]
+    frame = frame.iloc[[0, *[1] * len(holes)]].reset_index(drop=True)
+    frame["opening_id"] = range(len(frame))
+    return Vector(frame.set_geometry([shapely.box(0.003, 0.004, 8.2, 3.1), *holes]))
+
+
+def test_dimensions_add_up_to_the_whole_and_to_those_of_the_table() -> None:
+    """Places are rounded, not the distances between them."""
+    found = PlanesDrawing(elevation=uneven(), unit="mm").run()
+    said = texts(found.drawing.frame, "dimensions")
+    row, whole = [int(text) for text in said[:17]], int(said[18])
+    assert sum(row) == whole
+    up = [int(text) for text in said[19:]]
+    assert sum(up[:3]) == up[3]
+    for number, one in enumerate(found.schedule.rows()):
+        assert one["width_mm"] == row[2 * number + 1]
+        assert one["left_mm"] == sum(row[: 2 * number + 1])
+        assert (one["level_mm"], one["height_mm"]) == (up[0], up[1])
+
+
+def test_every_row_of_openings_has_its_dimensions() -> None:
+    """A window that reaches through two rows stands in the lower one."""
+    boxes = np.array([[0, 0, 1, 2], [2, 1, 3, 4.5], [0, 3, 1, 4], [5, 3.2, 6, 4.2], [8, 9, 9, 10]])
+    assert [row.tolist() for row in rows_of(boxes)] == [[0, 1], [2, 3], [4]]
 
 
 def test_the_title_block_says_how_far_apart_the_points_are() -> None:
@@ -65,28 +96,12 @@ def test_what_was_not_seen_is_crossed_out() -> None:
     assert "Crossed out: no point of the wall was seen there" in texts(drawn, "title")
     assert any(text.startswith("* some sides were not seen") for text in texts(drawn, "title"))
     assert out.schedule.rows()[-1]["opening_id"] == 3
-    assert texts(drawn, "dimensions")[:7] == [
-        "1.00",
-        "1.00",
-        "2.00",
-        "1.50",
-        "4.50",
-        "10.00",
-        "2.10",
-    ]
-
-
-def test_dimensions_add_up_to_the_whole() -> None:
-    """Places at .004 m beyond each step: lengths rounded one by one would lack a centimetre."""
-    frame = elevation().frame.iloc[:2].copy()
-    frame.geometry = [shapely.box(0, 0, 3.014, 5), shapely.box(1.004, 0, 2.009, 2)]
-    drawn = PlanesDrawing(elevation=Vector(frame)).run().drawing.frame
-    assert texts(drawn, "dimensions")[:4] == ["1.00", "1.01", "1.00", "3.01"]
+    assert texts(drawn, "dimensions")[:5] == ["1.00", "1.00", "2.00", "1.50", "4.50"]
 
 
 def test_millimetres() -> None:
     found = PlanesDrawing(elevation=elevation(), unit="mm", rounding=0.005).run().drawing
-    assert texts(found.frame, "dimensions")[5] == "10000"
+    assert texts(found.frame, "dimensions")[10] == "10000"
     walls = found.frame[found.frame["layer"] == "walls"]
     assert walls.geometry.length.sum() == pytest.approx(32_000)
     assert found.crs is not None
@@ -117,9 +132,9 @@ def test_the_schedule_has_the_depth_in_millimetres_where_it_is_known(tmp_path: P
         table.save(tmp_path / f"{crs[-2:]}.csv")
         lines = (tmp_path / f"{crs[-2:]}.csv").read_text().splitlines()
         assert lines[1:] == [
-            "1,1,door,1000,1000,2100,0,,0.963",
-            "1,2,window,4000,1500,1500,1000,164,0.963",
-            "1,3,window,4000,1500,1000,4000,164,0.963",
+            "1,1,door,1000,0,1000,2100,0,,0.963",
+            "1,2,window,4000,1000,1500,1500,1000,164,0.963",
+            "1,3,window,4000,4000,1500,1000,4000,164,0.963",
         ]
 
 
@@ -133,7 +148,7 @@ def test_a_dxf_has_layers_texts_and_its_unit(tmp_path: Path) -> None:
     layers = {one.dxf.name for one in found.layers}
     assert {"walls", "openings", "dimensions", "numbers", "title"} <= layers
     sizes = {round(text.dxf.height) for text in found.modelspace().query("TEXT")}
-    assert sizes == {200}
+    assert sizes == {120, 200}
     assert not found.audit().errors
 
 

@@ -65,7 +65,28 @@ def test_kinds_are_layers(tmp_path: Path) -> None:
     assert [e.dxf.layer for e in drawing.modelspace()] == ["a", "door", "front"]
     listed = {layer.dxf.name: layer.dxf.color for layer in drawing.layers}
     assert {"a", "door", "front"} <= listed.keys()
-    assert len({listed[name] for name in ("a", "door", "front")}) == 3
+    assert listed["door"] != listed["front"]
+
+
+@pytest.mark.parametrize(
+    "together",
+    [
+        ("walls", "openings", "unseen", "dimensions", "levels", "numbers", "title"),
+        ("door", "window"),
+        ("contours", "contours_index"),
+        ("wires", "towers", "crossings"),
+    ],
+)
+def test_a_layer_has_one_colour_in_all_drawings(tmp_path: Path, together: tuple[str, ...]) -> None:
+    """Offices plot by colour. Layers of one drawing differ, whatever comes first in it."""
+    found = []
+    for number, names in enumerate((together, together[::-1], together[1:])):
+        shapes = [shapely.Point(k, 0) for k in range(len(names))]
+        drawing = drawn(tmp_path / f"{number}.dxf", shapes, layer=list(names))
+        found.append({name: drawing.layers.get(name).dxf.color for name in names})
+    assert found[0] == found[1]
+    assert found[2].items() <= found[0].items()
+    assert len(set(found[0].values())) == len(together)
 
 
 @pytest.mark.parametrize(
@@ -118,11 +139,14 @@ def test_an_empty_drawing_is_written(tmp_path: Path) -> None:
 
 
 def test_severities_have_layers_and_colours_of_their_own(tmp_path: Path) -> None:
-    shapes = [shapely.Point(k, 0) for k in range(5)]
+    shapes = [shapely.Point(k, 0) for k in range(7)]
     columns = {
-        "layer": ["wires", "objects", "objects", "objects_labels", "crossings"],
-        "severity": [None, "watch", "critical", "critical", "kept"],
-        "text": [None, None, None, "7", None],
+        "layer": [
+            *("wires", "objects", "objects", "objects_labels", "crossings"),
+            *("objects", "objects_labels"),
+        ],
+        "severity": [None, "watch", "critical", "critical", "kept", "not sure", "not sure"],
+        "text": [None, None, None, "7", None, None, "8"],
     }
     drawing = drawn(tmp_path / "line.dxf", shapes, **columns)
     found = [(e.dxf.layer, e.dxftype()) for e in drawing.modelspace()]
@@ -132,10 +156,13 @@ def test_severities_have_layers_and_colours_of_their_own(tmp_path: Path) -> None
         ("objects_critical", "POINT"),
         ("objects_labels_critical", "TEXT"),
         ("crossings_kept", "POINT"),
+        ("objects_not_sure", "POINT"),
+        ("objects_labels_not_sure", "TEXT"),
     ]
     colours = {layer.dxf.name: layer.dxf.color for layer in drawing.layers}
     assert (colours["objects_critical"], colours["objects_labels_critical"]) == (1, 1)
     assert colours["objects_watch"] == 52
+    assert colours["objects_not_sure"] == colours["objects_labels_not_sure"]
     assert len({colours[name] for name in ("wires", "objects_critical", "crossings_kept")}) == 3
 
 
@@ -171,5 +198,5 @@ def test_layers_are_told_as_they_are_written(tmp_path: Path) -> None:
 
 
 def test_every_colour_has_a_name() -> None:
-    for colour in (*dxf._COLOURS, *dxf._OF_SEVERITY.values()):
+    for colour in (*dxf._OTHERS, *dxf._OF_LAYER.values(), *dxf._OF_SEVERITY.values()):
         assert dxf.colour_name(colour).endswith(f" ({colour})")

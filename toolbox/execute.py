@@ -249,7 +249,8 @@ def _checked(
     if tiling and PICTURE in writes:
         found[PICTURE] = "is not drawn of tiles; draw the products with the tool that reads them"
     single = {n: t for n, t in writes.items() if not ((tiling and t.folder) or t.delivered)}
-    found |= delivery.problems(writes, sources.paths(reads), overwrite=overwrite)
+    taken = sources.folders(reads)
+    found |= delivery.problems(writes, sources.paths(reads), taken, overwrite=overwrite)
     found |= targets.problems(single, sources.paths(reads), overwrite=overwrite)
     if found:
         raise ParameterError(spec.id, dict(sorted(found.items())))

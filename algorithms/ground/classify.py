@@ -74,7 +74,7 @@ class GroundClassify:
 
         def in_words(self) -> str:
             """How much is ground."""
-            return f"{100 * self.ground_share:.1f} % of the points are ground."
+            return f"{100 * self.ground_share:.1f} % of the points were taken for ground."
 
     def halo(self) -> float:
         """Distance beyond which the terrain does not change labels; measured, see the page."""

@@ -185,7 +185,18 @@ class Candidates:
         kept = np.where(ground, still, np.isin(old, self.keep) & (old != GROUND))
         classes = np.where(ground, GROUND, OTHER)
         classes = np.where(kept | ~self.part, old, classes).astype(np.uint8, copy=False)
+        self._tell_lost(old, classes)
         return cloud.with_attributes({"classification": classes})
+
+    def _tell_lost(self, old: NDArray[Any], new: NDArray[np.uint8]) -> None:
+        """Say which classes are gone that somebody has given to objects."""
+        gone = np.unique(old[(old != new) & (new == OTHER)])
+        if named := [str(number) for number in gone if number not in (0, GROUND)]:
+            log.info(
+                "points of class %s become 1, as all that is no ground does, unless keep_classes "
+                "names it",
+                ", ".join(named),
+            )
 
     def ground(self, classified: PointCloud, found: Mask) -> PointCloud:
         """The ground points, whatever their class.

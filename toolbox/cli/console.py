@@ -17,7 +17,7 @@ from typing import Any
 from toolbox import language
 from toolbox.errors import DataError, ToolboxError
 from toolbox.json_text import json_text
-from toolbox.shown import DELIVER
+from toolbox.shown import DELIVER, README
 
 _COLOURS = {"warning": "33", "error": "1;31"}  # yellow, bold red
 _MOST_ROWS = 30  # of a table that are printed, about a screen
@@ -102,7 +102,8 @@ class Console:
             self._print_value(name, value, _unit(said), language.text(said.get("description", "")))
 
         if isinstance(folder, Path):
-            files = ", ".join(sorted(path.name for path in folder.iterdir()))
+            known = {one["file"] for one in description.get("deliver", ())} | {README}
+            files = ", ".join(sorted(p.name for p in folder.iterdir() if p.name in known))
             print(language.text("in {folder}: {files}").format(folder=folder, files=files))
 
     def _print_value(self, name: str, value: Any, unit: str, help: str) -> None:

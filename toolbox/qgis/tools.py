@@ -22,8 +22,7 @@ from toolbox.errors import ParameterError
 from toolbox.labels import in_words
 from toolbox.models.model import Model
 from toolbox.pictures.images import OTHER, POINT_CLASSES, RELIEF
-from toolbox.runs.delivery import README
-from toolbox.shown import DELIVER
+from toolbox.shown import DELIVER, README
 
 PROVIDER = "lidartoolbox"
 TILES = ("auto", "100", "250", "500", "1000")  # metres, offered beside any other

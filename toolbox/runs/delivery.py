@@ -7,7 +7,7 @@ Which results it holds, in which formats and under which names, is declared in t
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -29,9 +29,8 @@ from toolbox.reports.words import columns_in
 from toolbox.runs import target as targets
 from toolbox.runs.provenance import Record
 from toolbox.runs.target import More, Target
-from toolbox.shown import DELIVER, PAGE
+from toolbox.shown import DELIVER, PAGE, README
 
-README = "README.txt"
 NOTHING = "nothing of this kind was asked for or found"
 EMPTY = "it would be empty"
 NOT_HERE = "it was not made on this computer"  # how to get what is missing is not for a client
@@ -78,12 +77,21 @@ def _target(one: Delivered, folder: Path, head: Mapping[str, Any], spec: Spec) -
 
 
 def problems(
-    writes: Mapping[str, Target], reads: Iterable[Path], *, overwrite: bool
+    writes: Mapping[str, Target], reads: Iterable[Path], taken: Collection[Path], *, overwrite: bool
 ) -> dict[str, str]:
-    """The problem of the folder of the set, by "deliver"; none if all is well."""
+    """The problem of the folder of the set, by "deliver"; none if all is well.
+
+    Parameters
+    ----------
+    reads : files that the run reads
+    taken : folders of which it reads all files
+    """
     made = _of_set(writes)
     if not made:
         return {}
+    if _folder(made) in taken:
+        why = "all files in it are read, and the next run would read those of the set, too"
+        return {DELIVER: f"{_folder(made)} is a folder of the inputs: {why}"}
     text = next(filter(None, (t.problem() for t in made.values())), None)
     text = text or _folder_problem(_folder(made))
     if text or not _folder(made).exists():

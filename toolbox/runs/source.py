@@ -16,7 +16,7 @@ from toolbox.data.crs import describe_crs, same_crs
 from toolbox.data.layer import Layer
 from toolbox.data.paths import PointFiles, missing
 from toolbox.data.reading import Reading
-from toolbox.data.remote.address import as_path
+from toolbox.data.remote.address import Address, as_path
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import Kind, parsed_options
 from toolbox.errors import DataError, ToolboxError
@@ -150,6 +150,13 @@ def of_run(given: Mapping[str, Any], spec: Spec) -> dict[str, tuple[Source, ...]
         for name, field in fields.items()
         if not (field.optional and given[name] is None)
     }
+
+
+def folders(sources: Sources) -> set[Path]:
+    """The folders that are read as a whole, links followed."""
+    given = [source for items in sources.values() for source in items if not source.problem]
+    there = (as_path(path) for source in given for path in source.paths)
+    return {p.resolve() for p in there if not isinstance(p, Address) and p.is_dir()}
 
 
 def problems(sources: Sources, spec: Spec) -> dict[str, str]:

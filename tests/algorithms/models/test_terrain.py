@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from pyproj import CRS
 
@@ -52,3 +53,22 @@ def test_noise_that_was_taken_out_is_counted() -> None:
     found = toolbox.run("models.terrain", {"points": points, "image": False})
     assert (found["low_noise"], found["high_noise"]) == (1, 2)
     assert len(found["classified"]) == len(xyz)
+
+
+def test_classes_that_stay_are_told_and_can_be_named(caplog: pytest.LogCaptureFixture) -> None:
+    xyz, road = hillside()
+    xyz[road, 2] += 7
+    classes = np.where(road, 6, 1).astype(np.uint8)
+    points = PointCloud(
+        xyz + np.array([5e5, 4.6e6, 0.0]), {"classification": classes}, crs=CRS(32635)
+    )
+    values = {"points": points, "denoise": False, "image": False}
+    with caplog.at_level("INFO", "toolbox"):
+        lost = toolbox.run("models.terrain", values)["classified"]["classification"]
+    assert "points of class 6 become 1" in caplog.text
+    assert not (lost == 6).any()
+    caplog.clear()
+    with caplog.at_level("INFO", "toolbox"):
+        kept = toolbox.run("models.terrain", {**values, "keep_classes": "6"})
+    assert "become 1" not in caplog.text
+    assert (kept["classified"]["classification"][road] == 6).all()

@@ -208,6 +208,17 @@ def test_what_would_be_empty_is_left_out_and_takes_an_earlier_one_with_it(
     assert "- lines.gpkg: Lines. it would be empty" in text
 
 
+def test_a_set_does_not_go_into_a_folder_that_is_read(
+    model: str, points: Path, tmp_path: Path
+) -> None:
+    """The next run would read its points, too; a single file of it is no reason."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "a.laz").hardlink_to(points)
+    with pytest.raises(ParameterError, match=r"deliver: .*in is a folder of the inputs"):
+        toolbox.run(model, {"points": tmp_path / "in", "deliver": tmp_path / "in"})
+    toolbox.run(model, {"points": tmp_path / "in" / "a.laz", "deliver": tmp_path / "in"})
+
+
 @pytest.mark.parametrize(
     ("folder", "says"),
     [
@@ -295,7 +306,7 @@ def test_the_same_in_tiles(points: Path, tmp_path: Path) -> None:
         "Date of the survey not known",
         "pulses per square metre",
         "Whether a void is water was not looked at.",
-        " % of the points are ground.",
+        " % of the points were taken for ground.",
     ):
         assert said in tiled
         assert said in whole
@@ -334,11 +345,14 @@ def test_command_line_and_help(
     out = os.fspath(tmp_path / "out")
     assert main(["run", model, "--points", str(points), "--deliver", out, "--title", "A hill"]) == 0
     told = capsys.readouterr().out
+    assert (tmp_path / "out" / "README.txt").read_text().startswith("A hill\n======\n")
     assert f"deliver: {out}" in told
-    files = ", ".join(sorted(os.listdir(out)))
+    (tmp_path / "out" / "mine.laz").write_text("was there")
+    assert main(["run", model, "--points", str(points), "--deliver", out, "--overwrite"]) == 0
+    assert "mine.laz" not in capsys.readouterr().out
+    files = ", ".join(sorted(FILES))
     assert f"in {out}: {files}\n" in told
     assert "README.txt" in files
-    assert (tmp_path / "out" / "README.txt").read_text().startswith("A hill\n======\n")
     assert main(["describe", model]) == 0
     assert "report.html, tables.xlsx, top.tif" in " ".join(capsys.readouterr().out.split())
 

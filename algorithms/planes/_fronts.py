@@ -31,6 +31,7 @@ INNER = (0.05, 0.95)  # quantiles of the points of a part that lie within the de
 ASIDE = 1.0  # metres from a wall, more than panes stand back; farther points tell its outside
 DECISIVE = 3.0  # squares of ground with points on one side over those on the other that tell it
 SOME = 0.05  # points on a side over those of the wall that count
+EXPLAINED = 0.8  # share of the variance of directions that a curve explains: 1.0, else up to 0.3
 SQUARE = 0.25  # metres: planes across a wall hold points in few squares of this side
 COPLANAR = 1.5  # distance of points from the plane of another over that of its own, at most
 FEW = 500  # points of a plane that tell whether it is in the plane of another
@@ -197,9 +198,10 @@ def outside(xyz: Floats, plane: Plane, own: Ints, metre: float) -> Plane:
         len(np.unique(picture.cells(uv[gap & (sign * away > spread)]), axis=1).T)
         for sign in (1, -1)
     ]
-    if set_back[0] == set_back[1]:
-        return plane if sides[0] >= sides[1] else replace(plane, normal=-plane.normal)
-    return plane if set_back[1] > set_back[0] else replace(plane, normal=-plane.normal)
+    # What stands before gaps, such as balconies, may be as much as what is seen in them.
+    before = (sides[0] + 1) * (set_back[1] + 1)
+    behind = (sides[1] + 1) * (set_back[0] + 1)
+    return plane if before >= behind else replace(plane, normal=-plane.normal)
 
 
 def _sides(along: Floats, away: Floats, side: float, least: float) -> list[int]:
@@ -285,6 +287,30 @@ def pieces(fronts: Sequence[Front], points: Ints) -> float:
     whole = np.array([size.sum() for size in sizes])
     numbers = [float(size.sum() ** 2 / (size**2).sum()) for size in sizes]
     return float(np.average(numbers, weights=whole))
+
+
+def turn(front: Front, planes: Sequence[Plane], points: Ints) -> float:
+    """Degrees by which the planes of a front turn from its one end to the other, as on a curve.
+
+    A line through their directions over their places, each plane counted by its points; 0 if it
+    leaves more than a fifth of their variance, as the directions of small parts are not known well.
+
+    Parameters
+    ----------
+    points : of each plane
+    """
+    across = front.plane.normal[:2]
+    along = np.array([-across[1], across[0]])
+    normals = np.array([planes[k].normal[:2] for k in front.members])
+    places = np.array([(planes[k].centre + planes[k].origin)[:2] for k in front.members])
+    directions = np.degrees(np.arctan((normals @ along) / (normals @ across)))
+    values = np.vstack([(places - places[0]) @ along, directions])
+    if len(front.members) < 3 or not np.ptp(values, axis=1).all():
+        return 0.0
+    spread = np.cov(values, aweights=points[front.members])
+    if spread[0, 1] ** 2 < EXPLAINED * spread[0, 0] * spread[1, 1]:
+        return 0.0
+    return float(abs(spread[0, 1] / spread[0, 0]) * np.ptp(values[0]))
 
 
 def outlines(

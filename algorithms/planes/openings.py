@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from algorithms.planes import _columns as columns
 from algorithms.planes import _parameters as options
-from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside
+from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside, turn
 from algorithms.planes._openings import BLIND, COLUMNS, Openings, marked, openings
 from algorithms.planes._outlines import View, drawn
 from algorithms.planes._relief import Relief, relief_of
@@ -37,6 +37,9 @@ NOISY = 2.0  # least step that can be seen over the one that is asked for, from 
 TWICE = 0.3  # share of a wall with another before or behind it: 0.12 at most on single ones
 TALL = 1.5  # height over width, of the largest opening
 APART = STOREY  # metres between two fronts of an elevation
+BENT = (
+    5.0  # degrees that planes of a front turn along it, from which on it is told: 0.1 on flat ones
+)
 MUCH_UNSEEN = 0.1  # share of a front without points of its wall, from which on it is told
 
 Floats = NDArray[np.float64]
@@ -267,6 +270,7 @@ class PlanesOpenings:
                 ctx=part,
             )
             seen.append(_Seen(int(numbers[front.members[0]]), near, relief, made))
+            self._warn_if_bent(number + 1, turn(front, planes, np.bincount(ranks)[1:]))
             self._warn_if_sparse(number + 1, seen[-1].spacing)
             self._warn_if_noisy(number + 1, relief.step / cloud.metre)
             self._warn_if_two_sided(number + 1, relief.twice())
@@ -283,6 +287,17 @@ class PlanesOpenings:
                 _commonest([gap.dropped for one in seen for gap in one.made.dropped]),
             )
         return seen
+
+    def _warn_if_bent(self, number: int, degrees: float) -> None:
+        """Say so where a front is on a curve, of which a plane holds a piece alone."""
+        if degrees > BENT:
+            log.warning(
+                "the planes of front %d turn by %.0f degrees along it, as on a curve: openings of "
+                "parts that slant may be missed, and widths are short; give pieces of it, cut with "
+                "points.clip",
+                number,
+                degrees,
+            )
 
     def _warn_if_sparse(self, number: int, spacing: float) -> None:
         """Say so where points of a wall are too far apart for the openings that are asked for."""

@@ -14,12 +14,14 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from algorithms.planes._fronts import outside
 from algorithms.planes._gaps import _squares
 from algorithms.planes._relief import _held, _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings
 from algorithms.samples.scene import scene
+from algorithms.shared.plane_fit import Plane
 from toolbox.data import PointCloud
 from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.errors import DataError, ParameterError
@@ -561,3 +563,34 @@ def test_panels_with_as_many_points_as_their_frames_are_wall(
     assert found(curtain_wall(0.9)).count == 0
     assert "curtain wall: plane" not in caplog.text
     assert "dropped, where most gaps are: " in caplog.text
+
+
+def test_balconies_before_gaps_do_not_turn_a_front() -> None:
+    """Somewhat more squares before gaps than in them, and twice as much ground on that side."""
+    x, z = (grid.ravel() for grid in np.meshgrid(np.arange(0, 10, 0.1), np.arange(0, 6, 0.1)))
+    gap = (np.abs(z - 3) < 1) & ((np.abs(x - 3) < 1) | (np.abs(x - 7) < 1))
+    balcony, room = (gap & (np.abs(x - at) < wide) for at, wide in ((3, 1), (7, 0.9)))
+    wall = np.column_stack([x, 0 * x, z])[~gap]
+    before = np.column_stack([x, 0 * x - 0.8, z])[balcony]
+    behind = np.column_stack([x, 0 * x + 0.8, z])[room]
+    u, v = (grid.ravel() for grid in np.meshgrid(np.arange(0, 10, 0.2), np.arange(-9, 5, 0.2)))
+    ground = np.column_stack([u, v, 0 * u])
+    xyz = np.vstack([wall, before, behind, ground])
+    for normal in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
+        plane = Plane(np.array(normal), np.zeros(3), np.zeros(3))
+        assert outside(xyz, plane, np.arange(len(wall)), 1.0).normal[1] == -1.0
+
+
+def test_a_front_on_a_curve_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    rng = np.random.default_rng(5)
+    along, up = rng.random((2, 9_000)) * [[15], [5]]
+    piece = np.floor(along / 3) * 3 + 1.5
+    for radius, told in ((40.0, True), (1e6, False)):
+        angle = piece / radius
+        away = radius * (1 - np.cos(angle)) + (along - piece) * np.sin(angle)
+        across = radius * np.sin(angle) + (along - piece) * np.cos(angle)
+        number = (piece // 3 + 1).astype(np.int32)
+        xyz = np.column_stack([across, away + rng.normal(0, 0.002, len(up)), up])
+        caplog.clear()
+        found(PointCloud(xyz, {"plane_id": number}, crs=LOCAL))
+        assert ("as on a curve" in caplog.text) == told

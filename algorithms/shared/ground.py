@@ -119,10 +119,9 @@ def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
     """
     if returns == "all":
         return np.ones(len(cloud), bool)
-    warn_of_missing(
-        ReturnNumbers.of(cloud), "all but last returns are no ground, unless returns is all"
-    )
-    return ~let_through(cloud)
+    found = ReturnNumbers.of(cloud)
+    warn_of_missing(found, "all but last returns are no ground, unless returns is all")
+    return ~let_through(cloud, found)
 
 
 @dataclass(frozen=True)

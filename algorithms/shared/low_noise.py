@@ -70,8 +70,9 @@ def _numbered(xyz: Floats, metre: float) -> tuple[Ints, int, int]:
     """
     own, cols = numbered(xyz, SQUARE * metre, 1)
     levels = np.floor(xyz[:, 2] / (SLICE * metre))
-    middle = np.median(levels)
-    np.clip(levels, middle - DEEPEST, middle + DEEPEST, out=levels)
+    if np.ptp(levels) > DEEPEST:  # else none is so far from the middle
+        middle = np.median(levels)
+        np.clip(levels, middle - DEEPEST, middle + DEEPEST, out=levels)
     levels -= levels.min() - 1
     span = int(levels.max()) + 2
     own *= span

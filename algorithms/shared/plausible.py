@@ -22,6 +22,7 @@ TIMES = 20  # ... with so many times its points is a surface, which hides what i
 FEW_CELLS = 1_000_000  # as many are never too many
 MOST = 0.2  # share of the squares with ground; in real surveys it is 0.07 at most
 LOOKED_AT = 1000  # squares: shares of so many are known to 0.03
+MANY = 1000  # points that prove of most surveys that they are wide
 NARROW = 0.1  # metres to either side of a line: a scanned wall is so thin, and no survey of land
 SOME = 3  # points of ground in a square that is looked at: as many as make a plane
 DEEPEST = 200.0  # metres above the ground: beyond what two height systems differ by
@@ -331,6 +332,9 @@ def is_upright(xyz: Floats, metre: float) -> bool:
     >>> is_upright(wall, 1.0), is_upright(wall + [[z, 0, 0] for z in wall[:, 2]], 1.0)
     (True, False)
     """
+    some = xyz[:: len(xyz) // MANY + 1, :2]
+    if len(some) > 1 and np.sqrt(np.linalg.eigvalsh(np.cov(some.T, ddof=0))[0]) > NARROW * metre:
+        return False  # no points deviate by more than half the width of the strip that holds them
     plan = xyz[:, :2] - xyz[:, :2].mean(axis=0)
     across = np.linalg.eigh(plan.T @ plan)[1][:, 0]
     return float(np.ptp(plan @ across)) <= 2 * NARROW * metre

@@ -134,11 +134,15 @@ def warn_of_missing(found: ReturnNumbers, consequence: str) -> None:
         )
 
 
-def let_through(cloud: PointCloud) -> Mask:
+def let_through(cloud: PointCloud, found: ReturnNumbers | None = None) -> Mask:
     """True for returns after which the pulse went on, array of shape (n,).
 
     In lists of first and last returns, a pulse that has one place in both did not go on. That is
     told from the points around, so that it holds in tiles, too.
+
+    Parameters
+    ----------
+    found : the returns of the cloud, where they are known already
 
     Examples
     --------
@@ -147,7 +151,7 @@ def let_through(cloud: PointCloud) -> Mask:
     >>> let_through(PointCloud(xyz, returns))
     array([ True, False, False, False])
     """
-    found = ReturnNumbers.of(cloud)
+    found = found or ReturnNumbers.of(cloud)
     warn_of_impossible(found, "they are taken for last returns")
     before = found.known & (found.number < found.count)
     if not (before.any() and found.in_lists):

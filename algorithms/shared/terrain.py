@@ -488,7 +488,10 @@ def add_planes(
         )
         if not first:
             np.nan_to_num(heights, copy=False)
-        kernels.add_bilinear(surface, heights, level)
+        if level:
+            kernels.add_bilinear(surface, heights, level)
+        else:
+            surface += heights
 
 
 def near_surface(z: Cells, candidates: NDArray[np.bool_], surface: Floats) -> NDArray[np.bool_]:

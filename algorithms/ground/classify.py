@@ -66,11 +66,9 @@ class GroundClassify:
         classified: PointCloud = sink(
             "The same points, class 2 on ground, 1 elsewhere, confidence", label="Classified points"
         )
-        ground: PointCloud = sink(
-            "Those of them that are ground, also if they keep their class", label="Ground points"
-        )
+        ground: PointCloud = parameters.ground_points()
         surface: Raster = sink("Elevation of the terrain, smoothed, empty beyond 50 m from ground")
-        ground_share: float = sink("Share of points that are ground", unit="1")
+        ground_share: float = parameters.ground_share()
 
         def in_words(self) -> str:
             """How much is ground."""

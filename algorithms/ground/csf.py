@@ -131,15 +131,11 @@ class GroundCsf:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink(
-            "The same points, class 2 on ground and 1 elsewhere", label="Classified points"
-        )
-        ground: PointCloud = sink(
-            "Those of them that are ground, also if they keep their class", label="Ground points"
-        )
+        classified: PointCloud = parameters.labelled_points()
+        ground: PointCloud = parameters.ground_points()
         cloth: Raster = sink("Elevation of the cloth at rest; its rigidness as second band")
         mean_rigidness: float = sink("Rigidness of the cloth, chosen or given, mean", unit="1")
-        ground_share: float = sink("Share of points that are ground", unit="1")
+        ground_share: float = parameters.ground_share()
 
     def halo(self) -> float:
         """Distance beyond which points move the cloth by millimetres; auto adds blocks."""

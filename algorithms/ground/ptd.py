@@ -161,14 +161,10 @@ class GroundPtd:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink(
-            "The same points, class 2 on ground and 1 elsewhere", label="Classified points"
-        )
-        ground: PointCloud = sink(
-            "Those of them that are ground, also if they keep their class", label="Ground points"
-        )
+        classified: PointCloud = parameters.labelled_points()
+        ground: PointCloud = parameters.ground_points()
         surface: Raster = sink("Elevation of the triangulated surface at the cell centres")
-        ground_share: float = sink("Share of points that are ground", unit="1")
+        ground_share: float = parameters.ground_share()
 
     def halo(self) -> float:
         """Reach of the seeds and of the test for raised patches: about two building sizes.

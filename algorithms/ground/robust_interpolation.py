@@ -136,14 +136,10 @@ class GroundRobustInterpolation:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink(
-            "The same points, class 2 on ground and 1 elsewhere", label="Classified points"
-        )
-        ground: PointCloud = sink(
-            "Those of them that are ground, also if they keep their class", label="Ground points"
-        )
+        classified: PointCloud = parameters.labelled_points()
+        ground: PointCloud = parameters.ground_points()
         surface: Raster = sink("Elevation of the surface through the ground")
-        ground_share: float = sink("Share of points that are ground", unit="1")
+        ground_share: float = parameters.ground_share()
 
     def halo(self) -> float:
         """Reach of all levels and of the search for outliers together."""

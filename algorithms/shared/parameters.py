@@ -1,4 +1,4 @@
-"""Parameters that several tools declare: each has one help, one default and one unit.
+"""Parameters and outputs that several tools declare: each has one help, one default and one unit.
 
 Each is declared in the same way; its docstring says of which type it is.
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from toolbox.declare import ClassList, param
+from toolbox.declare import ClassList, param, sink
 
 SURFACES = ClassList([9, 10, 11])
 """Classes of what lies on the ground: water, rail and road surface."""
@@ -106,6 +106,23 @@ def ground_returns() -> Any:
         label="Returns used",
         words={"last": "Last returns", "all": "All returns"},
     )
+
+
+def labelled_points() -> Any:
+    """Declare the output of a ground filter: ``PointCloud``."""
+    return sink("The same points, class 2 on ground and 1 elsewhere", label="Classified points")
+
+
+def ground_points() -> Any:
+    """Declare the ground that a filter finds: ``PointCloud``."""
+    return sink(
+        "Those of them that are ground, also if they keep their class", label="Ground points"
+    )
+
+
+def ground_share() -> Any:
+    """Declare how much of the points is ground: ``float``, a share."""
+    return sink("Share of points that are ground", unit="1")
 
 
 def planarity() -> Any:

@@ -107,7 +107,7 @@ def _survey(name: str) -> Any:
 
 
 def grounds(*options: str) -> None:
-    """ground.classify on scenes with bridges, banks, dams, terraces, ramps and steep woods.
+    """A ground filter on scenes with bridges, banks, dams, terraces, ramps, steep woods, hillsides.
 
     The options `--seeds FIRST LAST` and `--filter ID` tell which; nothing was chosen on any seed.
     """

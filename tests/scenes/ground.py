@@ -1,4 +1,4 @@
-"""Ground that is hard to find: bridges, embankments, dams, terraces, ramps and steep woods.
+"""Ground that is hard to find: bridges, banks, dams, terraces, ramps, steep woods, hillsides.
 
 Nothing here is shared with `samples.scene`. Each kind is drawn anew for each seed: sizes, slopes,
 density and direction differ. What is ground is known for each point.
@@ -135,6 +135,23 @@ def steep_forest(site: Site) -> tuple[Floats, Floats]:
     return terrain, crown + low
 
 
+def hillside(site: Site) -> tuple[Floats, Floats]:
+    """Houses and trees on a slope of 15 to 32 degrees; roofs are near the ground above them."""
+    rng = site.rng
+    slope = np.tan(np.radians(rng.uniform(15, 32)))
+    terrain = site.rolling + slope * site.across
+    wide, deep = rng.uniform(22, 30), rng.uniform(18, 26)  # of a plot
+    length, width, eave = rng.uniform(9, 14), rng.uniform(7, 10), rng.uniform(3.5, 6.0)
+    column, row = np.floor(site.along / wide), np.floor(site.across / deep)
+    u, v = site.along - (column + 0.5) * wide, site.across - (row + 0.5) * deep
+    house = (np.abs(u) < length / 2) & (np.abs(v) < width / 2) & ((column + 2 * row) % 5 > 0)
+    roof = eave + 0.6 * (width / 2 - np.abs(v)) - slope * v  # above the ground below it
+    above = np.where(house, np.maximum(roof, 0.5), 0.0)
+    trees = shrubs(site, ~house & (np.sin(u / 2.5) + np.sin(v / 3.0) > 0.9), 0.7, 0.5, 9)
+    return terrain, above + trees
+
+
 KINDS: dict[str, Callable[[Site], tuple[Floats, Floats]]] = {
-    kind.__name__: kind for kind in (bridge, embankment, dam, terraces, ramps, steep_forest)
+    kind.__name__: kind
+    for kind in (bridge, embankment, dam, terraces, ramps, steep_forest, hillside)
 }

@@ -164,8 +164,8 @@ def test_the_edges_of_a_quarry_are_ground(spacing: float, lost: float) -> None:
     assert (~labels(xyz)).mean() < lost
 
 
-@pytest.mark.parametrize("kind", ["embankment", "dam", "steep_forest"])
-def test_banks_dams_and_steep_woods_are_kept(kind: str) -> None:
+@pytest.mark.parametrize("kind", ["embankment", "dam", "steep_forest", "hillside"])
+def test_banks_dams_steep_woods_and_hillsides_are_kept(kind: str) -> None:
     """Seed 1 has 7 to 11 points/m2; shrubs and crowns hide a part of the ground."""
     survey = draw(kind, 1)
     found = labels(survey.xyz)

@@ -180,6 +180,17 @@ class ClassifyBuildings:
                 f"with a roof in several parts: {parts}."
             )
 
+        def not_looked_at(self) -> Iterator[str]:
+            """What looks like a roof and is none, and roofs that do not look like one."""
+            yield (
+                "Containers side by side or in stacks look like flat roofs, and may be among the "
+                "buildings; glass lets pulses through, and greenhouses may be missing."
+            )
+            yield (
+                "Where points are 1 m apart or more, gaps between vehicles are not seen: up to a "
+                "twentieth of the points of buildings may be theirs."
+            )
+
     def check(self) -> Iterator[tuple[str, str]]:
         """The size limits are in order."""
         if self.largest is not None and self.largest < self.smallest:

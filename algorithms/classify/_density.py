@@ -35,7 +35,9 @@ def spacing(cloud: PointCloud, ctx: Context = QUIET) -> float:
     returns = ReturnNumbers.of(cloud)
     last = ~returns.known | (returns.number == returns.count)
     inputs = cloud.xyz, last, cloud.metre
-    return ctx.once("spacing", inputs, lambda: _spacing(cloud.xyz[last], cloud.metre))
+    return ctx.once(
+        "spacing", inputs, lambda: _spacing(cloud.xyz.compress(last, axis=0), cloud.metre)
+    )
 
 
 def _spacing(xyz: NDArray[np.float64], metre: float) -> float:

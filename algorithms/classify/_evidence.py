@@ -107,7 +107,7 @@ class PointFeatures:
             ground = np.isin(cloud["classification"], self.ground_classes) & ~is_withheld(cloud)
             if HEIGHT in cloud:
                 return ground, given_heights(cloud)
-            bare, metre = _frozen(self.xyz[ground]), cloud.metre
+            bare, metre = _frozen(self.xyz.compress(ground, axis=0)), cloud.metre
             found = ctx.once(
                 "terrain", (bare, metre), lambda: find_terrain(bare, metre=metre, ctx=ctx)
             )

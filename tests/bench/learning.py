@@ -160,6 +160,7 @@ def _left_out(tiles: Mapping[str, Any]) -> None:
     from algorithms.classify._learning.smoothing import smoothed
 
     true: list[Codes] = []
+    chances: list[Any] = []
     said: dict[str, list[Codes]] = {"as they are": [], f"smooth {SMOOTH:g}": []}
     for name, cloud in tiles.items():
         made = _model([other for key, other in tiles.items() if key != name], CLASSES)
@@ -167,6 +168,7 @@ def _left_out(tiles: Mapping[str, Any]) -> None:
         known = np.isin(label, CLASSES)
         true.append(label[known])
         chance = made.probabilities(_described(cloud, made.features))
+        chances.append(chance[known])
         shared = smoothed(chance, made.classes, cloud.xyz / cloud.metre, SMOOTH)
         for (how, found), values in zip(said.items(), (chance, shared), strict=True):
             found.append(made.classes[values.argmax(axis=1)].astype(np.int64)[known])
@@ -174,6 +176,31 @@ def _left_out(tiles: Mapping[str, Any]) -> None:
             _say(f"others to {name}, {how}, {expected}", true[-1], found[-1])
     for how, found in said.items():
         _say(f"all four, each left out, {how}", np.concatenate(true), np.concatenate(found))
+    for name, chance, label in zip(tiles, chances, true, strict=True):
+        _reliability(name, chance, np.searchsorted(CLASSES, label))
+    _reliability(
+        "all four", np.concatenate(chances), np.searchsorted(CLASSES, np.concatenate(true))
+    )
+
+
+def _reliability(title: str, chance: Any, true: Codes) -> None:
+    """Expected calibration error, Brier score, and what is right of each tenth of probability."""
+    best, right = chance.max(axis=1), chance.argmax(axis=1) == true
+    place = np.minimum((best * 10).astype(int), 9)
+    count = np.bincount(place, minlength=10)
+    said, held = (np.bincount(place, of, minlength=10) for of in (best, right))
+    brier = ((chance - np.eye(chance.shape[1])[true]) ** 2).sum(axis=1).mean()
+    say(
+        f"learning  {title}: expected calibration error "
+        f"{100 * np.abs(said - held).sum() / len(true):.2f} %, Brier score {brier:.4f}"
+    )
+    if title != "all four":
+        return
+    for k in np.flatnonzero(count):
+        say(
+            f"learning    probability {k / 10:.1f} to {(k + 1) / 10:.1f}: {count[k]:7,} points, "
+            f"said {100 * said[k] / count[k]:.1f} %, right {100 * held[k] / count[k]:.1f} %"
+        )
 
 
 def _say(title: str, true: Codes, said: Codes) -> None:

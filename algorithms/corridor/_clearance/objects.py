@@ -9,8 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
@@ -25,6 +23,7 @@ from algorithms.corridor._clearance.distances import (
 )
 from algorithms.corridor._clearance.rules import KINDS, SEVERITIES, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
+from algorithms.shared.clusters import dbscan
 from toolbox.context import QUIET, Context
 
 TOP_CELL = 1.0  # metres, of which the highest point may be the top of a tree
@@ -335,8 +334,8 @@ def tree_tops(xyz: Floats, height: Floats) -> Ints:
 def groups(xyz: Floats, kind: Ints, gap: float) -> Ints:
     """Object number of each point, from 0.
 
-    Points of one kind are of one object if a chain of cells of half a gap, each with points of it
-    and no farther than a gap from the next, leads from one to the other.
+    Points of one kind are of one object if a chain of points of it, each no farther than a gap from
+    the next, leads from one to the other.
 
     Parameters
     ----------
@@ -347,18 +346,13 @@ def groups(xyz: Floats, kind: Ints, gap: float) -> Ints:
     Returns
     -------
     array of shape (n,)
-        Numbers follow the order of the cells in space, whatever that of the points.
+        Numbers follow the order of the kinds, then of the points in space.
     """
-    if not len(xyz):
-        return np.empty(0, np.int64)
-    cell = np.column_stack([kind, np.floor(xyz / (gap / 2)).astype(np.int64)])
-    _, first, own = np.unique(_numbers(cell), return_index=True, return_inverse=True)
-    apart = cell[first].astype(float)
-    apart[:, 0] *= 10.0  # kinds never meet
-    pairs = cKDTree(apart).query_pairs(2.0, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(apart),) * 2)
-    label = connected_components(links, directed=False)[1]
-    return np.asarray(label[own.reshape(-1)], np.int64)
+    found = np.zeros(len(xyz), np.int64)
+    for value in np.unique(kind):
+        own = kind == value
+        found[own] = dbscan(xyz[own], gap, 1) + found.max(initial=0)
+    return found - 1
 
 
 def parted(xyz: Floats, group: Ints, may_part: NDArray[np.bool_], tops: Floats) -> Ints:

@@ -508,6 +508,13 @@ def test_groups_are_chains_of_one_kind() -> None:
     assert len(set(found)) == 3
 
 
+def test_points_farther_apart_than_the_gap_are_two_objects() -> None:
+    """Wherever they lie; in cells of half a gap those 1.2 gaps apart were one, or two."""
+    for start in np.arange(0, 1, 0.1):
+        xyz = np.array([[start, 0, 0], [start + 0.99, 0, 0], [start + 2.19, 0, 0]])
+        assert groups(xyz, np.zeros(3, int), 1.0).tolist() == [0, 0, 1]
+
+
 def test_objects_with_their_distance_rule_and_height() -> None:
     low = float(LEVEL.height(np.array(150.0)))
     trees = [*blob(150, 0, low - 4.0), *blob(80, 3.0, float(LEVEL.height(np.array(80.0))))]

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import ndtri, stdtrit  # scipy.stats would take half a second to import
 
 from algorithms.shared.otsu import otsu_threshold
 
@@ -21,7 +21,8 @@ FEW = 0.05  # share of the heights that make a mode
 FIRST_SIGMA = 0.10  # m: before it is known; the foot of waves of 0.15 is a start, too
 LEAST_SIGMA, MOST_SIGMA = 0.01, 0.25  # m: of a calm lake, and of a rough one
 WIDEST = 3.0  # standard deviations from the level to the farthest point that counts
-TRIMMED = float(1 - 2 * WIDEST * stats.norm.pdf(WIDEST))  # move of their mean for one of all points
+_THERE = math.exp(-(WIDEST**2) / 2) / math.sqrt(math.tau)  # density of a normal distribution
+TRIMMED = 1 - 2 * WIDEST * _THERE  # move of their mean for one of all points
 MEDIAN_OF_FEW = 0.8  # points that a median deviation lacks (Croux and Rousseeuw 1992)
 FEWEST = 6  # points on the water that tell its level, or that of a strip
 BLOCKS = 16  # of which the scatter is the error: waves may be as long as a quarter of the body
@@ -30,7 +31,7 @@ DIRECTIONS = 12  # of lines that are tried as the step
 STEPPED = 0.85  # share of the variance of blocks that a step explains: 0.75 of a slope
 DAYS = 0.05  # m between flights that is told of
 CONFIDENCE = 0.95
-NINETY_FIVE = float(stats.norm.ppf((1 + CONFIDENCE) / 2))  # standard errors to each side of it
+NINETY_FIVE = float(ndtri((1 + CONFIDENCE) / 2))  # standard errors to each side of it
 RESAMPLED = 100  # times that the points on a shore are drawn anew, for the error of its level
 BIN, EDGE = 0.05, 0.3  # m: heights that are counted together, and that belong to an edge
 FOOT = 0.25  # share of these heights that is below the level if they are of waves and a bank
@@ -104,7 +105,7 @@ class Level:
     @property
     def interval(self) -> float:
         """Half width of the 95 % interval of the height, by Student's distribution."""
-        return float(self.error * stats.t.ppf((1 + CONFIDENCE) / 2, self.freedom))
+        return float(self.error * stdtrit(self.freedom, (1 + CONFIDENCE) / 2))
 
     def at(self, xy: Floats) -> Floats:
         """Heights of the surface at positions of shape (n, 2)."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit  # scipy.stats would take half a second to import
 
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire
@@ -71,7 +71,7 @@ def with_common_errors(
     residuals = [residuals_of(corridor, wire, strip) for wire in wires]
     common = between_strips(residuals) + along_strips(residuals)
     # From a few independent pieces a variance is not well known: as wide as Student's law.
-    student = float(t.ppf(NORMAL_LEVEL, pieces_of(wires)) / norm.ppf(NORMAL_LEVEL))
+    student = float(stdtrit(pieces_of(wires), NORMAL_LEVEL) / ndtri(NORMAL_LEVEL))
     common *= student**2
     return [widened(wire, own, common) for wire, own in zip(wires, residuals, strict=True)]
 

@@ -170,7 +170,9 @@ def _patterns(code: str) -> list[tuple[re.Pattern[str], str]]:
         inside = rf"(?:(?!{end}).)"
         # A value goes on beyond a sentence where a whole one stands first.
         whole = re.match(r"\{1\} [A-Z]", english)
-        first = r".+?" if whole else r"[\d,.]+" if size <= _SHORT else rf"{inside}+?"
+        first = (
+            r".+?" if whole else r"[\d,.]+" if size <= _SHORT and not words[0] else rf"{inside}+?"
+        )
         # One that follows without a blank may be empty.
         glued = [inside + ("*?" if word[-1:].isalnum() else "+?") for word in words[1:]]
         kinds = [rf"{inside}*?" if words[0][-1:].isalnum() else first, *glued]

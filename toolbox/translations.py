@@ -43,7 +43,8 @@ ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")
 PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
 HEADS = ("Coordinates", "Made with", "Map", "Files", "Drawings", "Left out")  # of one word
 COUNTS = ("{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})")
-SHORT = ("no rule", "not given", "near a wire")
+SHORT = ["no rule", "not given", "near a wire", "the ground", "other objects", "another line"]
+SHORT += ["trees", "buildings", "roads", "rails"]
 # Words in the columns that reports show.
 WORDS = "ground tree building water rail road line other tower pole conductor wire door window"
 WORDS += " critical watch falling plane shore island flat gable hip left right"

@@ -100,14 +100,14 @@ def test_texts_are_found_in_others(english: str, turkish: str) -> None:
 
 
 def test_the_readme_of_a_set_is_translated() -> None:
-    columns = [("length", "m", "Length")]
+    columns = [("ground", "m", "To the ground")]
     entry = Entry("spans.csv", "", "The report to print", 8, "", columns, without=3)
     spec = catalog.load("models.terrain")
     with language.speaking("tr"):
         text = readme(spec, {}, None, Told(), [entry], {})
     said = (
         "Yazdırmak için rapor [8]; okunan noktalardan 3 tanesi içinde yoktur",
-        "length  Uzunluk [m]",
+        "ground  Uzaklık: zemin [m]",
     )
     assert [part for part in said if part not in text] == [], text
 

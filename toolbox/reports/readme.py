@@ -87,7 +87,7 @@ def readme(
     facts = [(name, str(text)) for name, text in own.items() if text]
     given = {name: value for name, value in found.items() if name in spec.outputs}
     summary, known = said(spec, given, record, told)
-    facts += known.facts
+    facts = [(language.told(name), text) for name, text in [*facts, *known.facts]]
     there = [entry for entry in entries if not entry.left_out]
     lines = [*_underlined(title, "=")[1:], "", *_pairs(facts)]
     lines += _section("Result", [summary])
@@ -107,7 +107,7 @@ def readme(
 
 
 def _pairs(pairs: Iterable[tuple[str, str]]) -> Iterator[str]:
-    pairs = [(language.told(name), language.told(text)) for name, text in pairs]
+    pairs = [(name, language.told(text)) for name, text in pairs]
     width = max((len(name) for name, _ in pairs), default=0) + 2
     for name, text in pairs:
         indent = " " * width

@@ -54,6 +54,7 @@ SAME = 0.02, 0.15  # m, least and most between levels that may be the same, by t
 OVERLAP = 0.2  # share of a level place that is water found: its rest is not told of
 BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
 ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
+NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
 LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
 STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
@@ -409,9 +410,11 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
     """Log the bodies and their evidence; if there are many, the largest ones."""
     metre = cells.metre
     log.info(
-        "%d water bodies in cells of %.2f m, land has %.1f points per m2",
+        "%d water bodies in cells of %.2f m, of which narrower ones than %.1f m may be missing, as "
+        "creeks and ditches; land has %.1f points per m2",
         len(found),
         cells.lattice.cell / metre,
+        NARROW * cells.lattice.cell / metre,
         cells.density * metre**2,
     )
     for one in found[:LISTED]:

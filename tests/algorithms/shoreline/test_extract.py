@@ -397,6 +397,14 @@ def test_a_step_between_flights_bends_no_water() -> None:
     assert extract(flat.with_xyz(flat.xyz + np.outer(0.08 * later, (0, 0, 1)))).count == 1
 
 
+def test_a_run_says_how_wide_waters_must_be(caplog: Any) -> None:
+    """Cells hold four points of land, so they are 1 m wide; four of them are the least."""
+    with caplog.at_level(logging.INFO, "toolbox"):
+        extract(lake(density=4.0))
+    (told,) = re.findall(r"narrower ones than (\d+\.\d) m may be missing", caplog.text)
+    assert float(told) == pytest.approx(4.0, rel=0.1)
+
+
 def test_who_points_at_ice_gets_it() -> None:
     made = waters.survey("ice", 0)
     spot = made.outlines[0].centroid

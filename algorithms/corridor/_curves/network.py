@@ -189,6 +189,39 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
     return float(max(shares))
 
 
+def is_on_roofs(corridor: Corridor, curves: Sequence[Catenary]) -> bool:
+    """Whether nothing is seen below much of what is seen of some curves."""
+    if corridor.floor is None:
+        return False
+    shut, seen = np.sum([covered(corridor, corridor.floor, curve) for curve in curves], axis=0)
+    return bool(shut > SETTINGS.roofs.share * seen)
+
+
+def covered(corridor: Corridor, floor: Airborne, curve: Catenary) -> tuple[int, int]:
+    """Steps along a curve at which it has points, but nothing is seen below, and all with points.
+
+    The beam goes on below a wire. It does not below a row of points on a roof, and what lies beside
+    these on a roof of any slope is not below. Where points are a metre apart, such a row stands as
+    alone as a wire does. Where nothing is seen beside the line either, there is water.
+    """
+    reach = SETTINGS.curves.clutter_radius
+    steps = max(1, round(curve.length / SETTINGS.curves.clutter_step))
+    own, open_ = np.zeros((2, steps), bool)
+    for points in (corridor.air, floor):
+        near = beside_of(points, curve, reach)
+        u, v, z = curve.residuals(points.xyz[near])
+        inside = (u >= 0) & (u < curve.length) & (np.abs(v) < reach)
+        step = (u / curve.length * steps).astype(np.int64)
+        own[step[inside & (np.hypot(v, z) <= corridor.tolerance)]] = True
+        under = z < -SETTINGS.roofs.slope * np.abs(v) - 2 * corridor.tolerance
+        open_[step[inside & under]] = True
+    shut = np.flatnonzero(own & ~open_)
+    aside = SETTINGS.network.line_width * np.array([-curve.ey, curve.ex])
+    spots = curve.points((shut + 0.5) * curve.length / steps)[:, :2]
+    land = [any(corridor.seen(*(spot + side)) for side in (aside, -aside)) for spot in spots]
+    return sum(land), int(np.count_nonzero(own))
+
+
 def beside_of(points: Airborne, curve: Catenary, reach: float) -> Ints:
     """Indices of the points in the cells around a curve in plan."""
     spots = curve.points(np.arange(0.0, curve.length + PLAN_CELL, PLAN_CELL))[:, :2]

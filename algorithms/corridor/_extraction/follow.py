@@ -17,6 +17,7 @@ from algorithms.corridor._curves.network import (
     Corridor,
     Piece,
     curves_of,
+    is_on_roofs,
     is_straight,
     wires_among,
 )
@@ -129,8 +130,10 @@ def lines_among(
     corridor: Corridor, pieces: Sequence[Piece], max_gap: float, ctx: Context
 ) -> list[Line]:
     """The lines among pieces of what may be wires, without structures and accidents."""
+    pieces = [piece for piece in pieces if not is_on_roofs(corridor, [piece.curve])]
     wires, supports = hung(corridor, pieces, max_gap, ctx.part(0.7, 1.0))
     here = [line for line in lines_of(wires, supports) if line.is_no_accident(corridor)]
+    here = [line for line in here if not is_on_roofs(corridor, [w.curve for w in line.wires])]
     structures = [line.is_structure(corridor) for line in here]
     for line, is_structure in zip(here, structures, strict=True):
         corridor.left_out += [wire.curve for wire in line.wires if is_structure]

@@ -54,6 +54,7 @@ from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
+from algorithms.samples.scene import SamplesScene
 from toolbox.data import PointCloud, Vector
 from toolbox.declare import ClassList
 from toolbox.errors import DataError
@@ -674,6 +675,35 @@ def test_what_is_no_power_line(what: str, parts: list[Floats]) -> None:
     assert not np.isin(result.classified["classification"], (14, 15)).any()
 
 
+def roofs_in_rows(step: float) -> Floats:
+    """Ground and two roofs that sag, in rows along them: points 1 m apart along, `step` across."""
+    rng = np.random.default_rng(0)
+    x, y = np.meshgrid(np.arange(-20, 220, 1.0), np.arange(-60, 60, step))
+    xy = np.column_stack([x.ravel(), y.ravel()]) + rng.normal(0, 0.05, (x.size, 2))
+    z = np.zeros(len(xy))
+    for west, east, middle in ((0, 60, 12), (80, 150, 17)):
+        on = (xy[:, 0] > west) & (xy[:, 0] < east) & (abs(xy[:, 1] - middle) < 7)
+        away = (xy[on, 0] - (west + east) / 2) / ((east - west) / 2)
+        z[on] = 7 + 0.5 * (7 - abs(xy[on, 1] - middle)) + 0.35 * away**2
+    return np.column_stack([xy, z + rng.normal(0, 0.03, len(xy))])
+
+
+@pytest.mark.parametrize("step", [1.05, 2.1])
+def test_rows_of_sparse_points_on_roofs_are_no_wires(step: float) -> None:
+    """They stand as alone as wires do, but nothing is seen below."""
+    result = found(roofs_in_rows(step))
+    assert (len(result.wires), result.tower_count) == (0, 0)
+
+
+def test_a_line_over_water_is_found() -> None:
+    """Nothing is seen below, but nothing is beside it either."""
+    _, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    land = GROUND[abs((GROUND[:, 0] + 30) % 60 - 30) < 8]  # around the poles
+    result = found(land, *wires, poles)
+    assert len(result.wires) == 9
+    assert result.span_count == 3
+
+
 @pytest.mark.parametrize("seen", [True, False], ids=["seen", "not seen"])
 def test_supports_that_only_their_wires_tell_of_are_said(
     seen: bool, caplog: pytest.LogCaptureFixture
@@ -980,6 +1010,25 @@ def test_a_real_line_in_hills(degrees: int, there: int) -> None:
         body = towers[np.hypot(*(towers[:, :2] - (foot.x, foot.y)).T) < 12, :2]
         centre = np.quantile(body, (0.02, 0.98), axis=0).mean(axis=0)
         assert np.hypot(*(centre - (foot.x, foot.y))) < 2
+
+
+def test_a_turned_or_moved_scene_has_the_same_line() -> None:
+    """Spans, wires and towers within 5 cm, wherever cells begin and however they lie."""
+    made = SamplesScene(kind="corridor", preset="lattice_triangle", seed=100).run().points
+    middle = np.append(made.xyz.mean(axis=0)[:2].round(), 0.0)
+    wanted = None
+    for degrees, east in ((0.0, 0.0), (62.0, 0.0), (232.0, 0.0), (0.0, 271.3)):
+        c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        moved = middle + np.array([east, 0, 0])
+        xyz = (made.xyz - middle) @ turn.T + moved
+        result = CorridorExtract(points=PointCloud(xyz, {}, crs=made.crs)).run()
+        feet = np.array([(p.x, p.y, 0.0) for p in result.towers.frame.geometry])
+        feet = (feet - moved) @ turn
+        own = result.span_count, len(result.wires), feet[np.argsort(feet[:, 0])]
+        wanted = wanted or own
+        assert own[:2] == wanted[:2]
+        np.testing.assert_allclose(own[2], wanted[2], atol=0.05)
 
 
 def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:

@@ -104,6 +104,8 @@ class SurfaceContours:
             "Lines with Z and the attributes elevation and is_index",
             columns={"elevation": ELEVATION, "is_index": Column("Index contour")},
             show=Isolines("elevation", heavy="is_index"),
+            label="Contours",
+            listed=False,
         )
         labels: Vector = sink(
             "Where the heights of index contours are written: text, angle",

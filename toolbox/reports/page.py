@@ -156,7 +156,7 @@ def _results(spec: Spec, found: Mapping[str, Any]) -> list[Section]:
         if value is not None and not field.kind.is_layer:
             shown, unit = words.result_value(value, field.unit, field.help)
             rows.append({"Result": field.help, "Value": shown, "Unit": unit})
-    if not any(row["Unit"] for row in rows):  # counts have none
+    if all(row["Unit"] in ("", "1") for row in rows):  # as counts have none
         rows = [{"Result": row["Result"], "Value": row["Value"]} for row in rows]
     return [Section("Results", [Rows(Table.from_rows(rows), short=len(rows))])] if rows else []
 

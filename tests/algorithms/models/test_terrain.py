@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -72,3 +75,17 @@ def test_classes_that_stay_are_told_and_can_be_named(caplog: pytest.LogCaptureFi
         kept = toolbox.run("models.terrain", {**values, "keep_classes": "6"})
     assert "become 1" not in caplog.text
     assert (kept["classified"]["classification"][road] == 6).all()
+
+
+@pytest.mark.slow
+def test_the_report_of_the_set_has_the_contours_on_its_map(tmp_path: Path) -> None:
+    xyz, _ = hillside()
+    points = PointCloud(xyz + np.array([5e5, 4.6e6, 0.0]), crs=CRS(32635))
+    values = {"points": points, "denoise": False, "image": False}
+    toolbox.run("models.terrain", {**values, "deliver": tmp_path / "out"})
+    text = (tmp_path / "out" / "report.html").read_text()
+    data = text.partition('type="application/json">')[2].partition("</script>")[0]
+    assert [layer["name"] for layer in json.loads(data)["layers"]] == ["Contours"]
+    head, _, rest = text.partition("<h2>Results</h2>")
+    assert head
+    assert "Unit" not in rest.partition("</table>")[0], "counts have none"

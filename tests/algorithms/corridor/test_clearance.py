@@ -994,7 +994,7 @@ def test_objects_without_a_rule_are_drawn_and_written_for_cad(tmp_path: Path) ->
     file = tmp_path / "objects.dxf"
     found = run(points, rules="nerc_fac_003", voltage=345.0, falling=False, objects=file)
     (marked,) = ezdxf.readfile(file).modelspace()
-    assert marked.dxf.layer == "other_no rule"
+    assert marked.dxf.layer == "other_no_rule"
     assert "severity=no rule" in [text for _, text in marked.get_xdata("LIDAR-TOOLBOX")[1:]]
     sections = {section.title: section.blocks for section in found["report"].sections}
     for title in ("Map with numbers", "Profiles"):

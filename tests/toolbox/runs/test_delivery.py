@@ -404,7 +404,7 @@ def test_what_asks_for_it_is_in_the_report_of_the_set(
     Path(model).write_text(text)
     toolbox.run(model, {"points": points, "deliver": tmp_path / "out"})
     report = (tmp_path / "out" / "report.html").read_text()
-    assert ("<h2>Lines: contours</h2>" in report) == asked
+    assert ("<h2>Contours</h2>" in report) == asked
 
 
 def test_whether_it_is_in_the_report_is_true_or_false(model: str) -> None:

@@ -823,7 +823,8 @@ def check_a_set_is_handed_over_and_its_layers_are_loaded() -> None:
     assert results["DTM"] == os.path.join(folder, "dtm.tif")
     loads = [path.replace(folder, "SET") for path in ctx.layersToLoadOnCompletion()]
     assert sorted(Path(path).name for path in loads if path.endswith("dtm.tif")) == ["dtm.tif"]
-    assert {"SET/hillshade.tif", "SET/contours.gpkg|layername=labels"} <= set(loads), loads
+    assert {"SET/hillshade.tif", "SET/contours.gpkg|layername=contours"} <= set(loads), loads
+    assert "SET/contours.gpkg|layername=labels" not in loads, "it would be empty"
     assert "SET/dsm.tif" not in loads, "the same as the own file"
     for path, details in ctx.layersToLoadOnCompletion().items():
         assert details.postProcessor() is not None, path

@@ -493,7 +493,7 @@ def play_set_that_is_handed_over() -> Play:
     assert len(made) >= 8, made
     tree = QgsProject.instance().layerTreeRoot()
     hidden = {layer.name() for layer in made if not tree.findLayer(layer).isVisible()}
-    assert hidden == {"Hillshade", "Density", "Strips", "Strip difference"}, hidden
+    assert hidden == {"Hillshade", "Density", "Strips"}, hidden
     yield from over(dialog)
     end = time.monotonic() + 2
     yield lambda: time.monotonic() > end

@@ -104,7 +104,9 @@ def test_the_set_is_written_and_named_in_words(model: str, points: Path, tmp_pat
     assert "\nlines.gpkg, contours\n    elevation  Elevation [m]\n" in text
     drawing = text.partition("\nDrawings\n")[2].partition("\nColumns\n")[0]
     assert "lines.dxf: in metres; layer, colour (its number in CAD) [features]" in drawing
-    assert "    contours        green (3) [6]\n    contours_index  blue (5) [1]\n" in drawing
+    assert (
+        "    contours        dark orange (34) [6]\n    contours_index  brown (22) [1]\n" in drawing
+    )
     joined = "lines.kmz and lines.dxf: the columns of the layers above that they join"
     assert joined in text
     assert "\nlines.kmz\n    " not in text, "columns are told once"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from qgis.core import QgsProcessingContext, QgsProcessingOutputHtml
+from qgis.core import QgsProcessingContext, QgsProcessingOutputHtml, QgsProviderRegistry
 
 from .layers import opens_points
 from .styling import Styler
@@ -28,6 +28,12 @@ def names(field: dict[str, Any]) -> set[str]:
     return {layer["name"] for layer in field["layers"]} - {""}
 
 
+def holds(path: str, layer: str) -> bool:
+    """Whether a file has a layer, "" for that of its own; a set leaves out what would be empty."""
+    found = QgsProviderRegistry.instance().querySublayers(path) if layer else ()
+    return not layer or layer in {one.name() for one in found}
+
+
 def load(
     field: dict[str, Any], folder: str, loaded: set[str], algorithm: Any, colours: Any, context: Any
 ) -> None:
@@ -41,7 +47,7 @@ def load(
     """
     for layer in field["layers"]:
         path = os.path.join(folder, layer["file"])
-        if layer["name"] in loaded or not os.path.isfile(path):
+        if layer["name"] in loaded or not os.path.isfile(path) or not holds(path, layer["layer"]):
             continue
         if layer["type"] == "pointcloud" and not opens_points(path):
             continue

@@ -31,7 +31,7 @@ FRONTS = {
     "azimuth": Column("Azimuth", "°", 1),
     "length": Column("Length", "unit", 2),
     "height": Column("Height", "unit", 2),
-    "area": Column("Area", "unit²", 2),
+    "area": Column("Area with points", "unit²", 2),
     "relief_from": Column("Relief from", "unit", 3),
     "relief_to": Column("Relief to", "unit", 3),
 }
@@ -77,9 +77,17 @@ SCHEDULE = {
     "width_mm": Column("Width", "mm", 0),
     "height_mm": Column("Height", "mm", 0),
     "sill_mm": Column("Sill above the foot of the wall below it", "mm", 0),
+    "edge_mm": Column("No edge is surer than", "mm", 0),
     "set_back_mm": Column("Set back", "mm", 0),
     "hidden": OPENINGS["hidden"],
     "certainty": OPENINGS["certainty"],
+}
+AREAS = {
+    "front_id": OPENINGS["front_id"],
+    "gross_m2": Column("Within the outline", "m²", 2),
+    "openings_m2": Column("Openings", "m²", 2),
+    "wall_m2": Column("Wall", "m²", 2),
+    "unseen_m2": Column("Not seen", "m²", 2),
 }
 DRAWING = {
     "layer": Column("Layer"),

@@ -30,6 +30,9 @@ SIDES = ("left", "bottom", "right", "top")
 BESIDE = 4.0  # distance of a point from an edge that is seen, over that of neighbours
 EMPTY = 1.5  # the same behind the opening: one in thirty random half circles has none
 DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the foot of the wall
+BREAST = 0.8  # metres: least height of the wall below a window, by codes of building
+EITHER = "door or window"  # kind of an opening whose foot was not seen
+OF_TWO = 0.5  # certainty of an opening that may be either, over that of one whose kind is known
 OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which it is another
 SAME = 0.15  # distance of Kolmogorov and Smirnov of intensities of one wall; shutters have 0.25
 FLAT = 0.95  # share of the points on the back of a niche that lie in one depth
@@ -81,9 +84,9 @@ class Opening(NamedTuple):
         left, bottom, right, top = self.shape.bounds
         beside = (front.uv[:, 0] > left - 1 * metre) & (front.uv[:, 0] < right + 1 * metre)
         sill = bottom - float(front.uv[front.own & beside, 1].min(initial=bottom))
-        door = top - bottom >= DOOR_HEIGHT * metre and sill <= DOOR_SILL * metre
+        kind = kind_of(top - bottom, sill, self.hidden, metre)
         return {
-            "kind": "door" if door else "window",
+            "kind": kind,
             "width": right - left,
             "height": top - bottom,
             "area": self.shape.area,
@@ -94,8 +97,28 @@ class Opening(NamedTuple):
             "hidden": self.hidden,
             "rectangle": len(shapely.get_coordinates(self.shape)) == 5,
             "found_by": self.found_by,
-            "certainty": self.certainty,
+            "certainty": self.certainty * (OF_TWO if kind == EITHER else 1.0),
         }
+
+
+def kind_of(height: float, sill: float, hidden: str, metre: float) -> str:
+    """Door, window, or either: what hides the foot of a door gives it a sill.
+
+    Parameters
+    ----------
+    sill : height of its lower side above the foot of the wall
+    hidden : names of the sides that were not seen
+    metre : in the unit of the lengths
+
+    Examples
+    --------
+    >>> kind_of(2.1, 0.0, "", 1.0), kind_of(2.1, 0.5, "", 1.0), kind_of(2.1, 0.5, "bottom", 1.0)
+    ('door', 'window', 'door or window')
+    """
+    if height >= DOOR_HEIGHT * metre and sill <= DOOR_SILL * metre:
+        return "door"
+    low = sill < BREAST * metre and sill + height >= DOOR_HEIGHT * metre
+    return EITHER if low and "bottom" in hidden.split(", ") else "window"
 
 
 class Openings(NamedTuple):

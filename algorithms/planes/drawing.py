@@ -58,7 +58,8 @@ class PlanesDrawing:
     dimensions add up. The title block says how far apart the points are.
 
     The table lists the openings with place, width, height and sill in millimetres, front by front,
-    with the figures of the drawing.
+    with the figures of the drawing, and how sure an edge can be: as the points are apart. Of each
+    front `areas` has the area within its outline, and what of it is openings, wall and not seen.
     """
 
     elevation: Vector = source("Elevation by planes.openings")
@@ -81,6 +82,7 @@ class PlanesDrawing:
         schedule: Table = sink(
             "Openings with front, kind, width, height and sill", columns=columns.SCHEDULE
         )
+        areas: Table = sink("Areas of each front, which add up", columns=columns.AREAS)
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The elevation is one of planes.openings."""
@@ -116,7 +118,9 @@ class PlanesDrawing:
                 (frame["kind"] == columns.UNSEEN).any(),
             )
         return self.Outputs(
-            drawing=sheet.layer(self.elevation), schedule=schedule(frame, self.rounding, metre)
+            drawing=sheet.layer(self.elevation),
+            schedule=schedule(frame, self.rounding, metre),
+            areas=areas(frame, metre),
         )
 
 
@@ -383,6 +387,10 @@ def schedule(frame: geopandas.GeoDataFrame, step: float, metre: float) -> Table:
             "sill_mm": (sill / metre * MILLIMETRES).round().astype("int64"),
         }
     )
+    if "spacing" in frame:
+        apart = frame[frame["kind"] == "facade"].set_index("front_id")["spacing"]
+        edge = found["front_id"].map(apart) / metre * MILLIMETRES
+        rows["edge_mm"] = edge.round().astype("Int64")
     if "set_back" in found:  # not known where nothing was seen in an opening
         back = found["set_back"].astype(float) / metre * MILLIMETRES
         rows["set_back_mm"] = back.round().astype("Int64")
@@ -391,3 +399,22 @@ def schedule(frame: geopandas.GeoDataFrame, step: float, metre: float) -> Table:
     if "certainty" in found:
         rows["certainty"] = found["certainty"].astype(float).round(SHOWN_DIGITS)
     return Table(rows)
+
+
+def areas(frame: geopandas.GeoDataFrame, metre: float) -> Table:
+    """Table of the fronts of an elevation: openings, wall and what was not seen make up the whole.
+
+    Square metres, rounded before they are summed.
+    """
+    rows = []
+    for wall in frame[frame["kind"] == "facade"].itertuples():
+        here = frame[frame["front_id"] == wall.front_id]
+        openings = shapely.union_all(_openings(here).geometry)
+        whole = shapely.union_all([wall.geometry, openings])
+        unseen = shapely.union_all(here.geometry[here["kind"] == columns.UNSEEN])
+        bare = shapely.intersection(unseen, whole) - openings
+        parts = {"openings": openings, "wall": whole - openings - bare, "unseen": bare}
+        sizes = {f"{name}_m2": round(part.area / metre**2, 2) for name, part in parts.items()}
+        gross = round(sum(sizes.values()), 2)
+        rows.append({"front_id": int(wall.front_id), "gross_m2": gross, **sizes})
+    return Table(pd.DataFrame(rows, columns=list(columns.AREAS)))

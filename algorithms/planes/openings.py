@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from algorithms.planes import _columns as columns
 from algorithms.planes import _parameters as options
 from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside, turn
-from algorithms.planes._openings import BLIND, COLUMNS, Openings, marked, openings
+from algorithms.planes._openings import BLIND, COLUMNS, EITHER, Openings, marked, openings
 from algorithms.planes._outlines import View, drawn
 from algorithms.planes._relief import Relief, relief_of
 from algorithms.planes._segment import parts_of
@@ -83,6 +83,10 @@ class PlanesOpenings:
     where points lie on both sides: on the wall outside, and behind it inside, no farther away than
     `recess` or what their density tells. `edge_seen` is the share of the outline that is, and
     `hidden` names the sides of a rectangle of which less than half is. They may be elsewhere.
+
+    A door is at least 1.8 m high and begins at most 0.3 m above the foot of the wall. An opening
+    that begins below 0.8 m, and whose lower side was not seen, may be either: `door or window`,
+    with half the certainty.
 
     Points farther behind the wall than `recess` and within its outline were seen through an
     opening. They get the number of the nearest in opening_id, and `behind` 1; planes of which they
@@ -276,6 +280,7 @@ class PlanesOpenings:
             self._warn_if_two_sided(number + 1, relief.twice())
             self._warn_of_unseen(number + 1, made)
             self._warn_of_blind(number + 1, made)
+            self._warn_of_either(number + 1, relief, made)
             self._warn_of_glass(number + 1, [int(numbers[k]) for k in relief.glass])
         if not any(one.made.found for one in seen):
             names = ", ".join(str(one.number) for one in seen)
@@ -363,6 +368,17 @@ class PlanesOpenings:
                 "panels between these for openings",
                 number,
                 ", ".join(map(str, planes)),
+            )
+
+    def _warn_of_either(self, number: int, relief: Relief, made: Openings) -> None:
+        """Say so where what stands before openings hides whether they are doors."""
+        kinds = [one.row(relief, self.points.metre)["kind"] for one in made.found]
+        if either := kinds.count(EITHER):
+            log.warning(
+                "openings of front %d whose foot was not seen, doors or windows: %d; look there, "
+                "or merge a scan that sees their foot",
+                number,
+                either,
             )
 
     def _warn_if_two_sided(self, number: int, share: float) -> None:

@@ -47,6 +47,7 @@ _OF_LAYER = {  # colours as numbers of AutoCAD; offices plot by them, so a name 
     "openings": 5,
     "door": 22,
     "window": 5,
+    "door_or_window": 34,
     "unseen": 8,
     "dimensions": 200,
     "levels": 134,
@@ -294,7 +295,8 @@ def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
     from ezdxf.lldxf.validator import is_valid_layer_name
 
     values = (row.get(name) for name in (LAYER, KIND))
-    name = next((str(value) for value in values if not pd.isna(value)), layer)
+    named, kind = (None if pd.isna(value) else str(value) for value in values)
+    name = named or (kind.replace(" ", "_") if kind else layer)
     if not pd.isna(severity := row.get(SEVERITY)):
         name = f"{name}_{severity}".replace(" ", "_")
     if row.get(INDEX) is True:

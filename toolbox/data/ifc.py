@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 SUFFIX = ".ifc"
 THICKNESS = 0.3  # metres, of walls whose other side was not seen
 LEAF = 0.05  # metres, of the doors and windows that fill an opening
-WALL, DOOR, UNSEEN = "facade", "door", "unseen"
+WALL, DOOR, EITHER, UNSEEN = "facade", "door", "door or window", "unseen"
 NEEDED = ("kind", "front_id", "opening_id", "width", "height", "sill")
 PLACE = ("corner", "right", "up")  # of a front: attributes with _x, _y, _z
 
@@ -166,6 +166,8 @@ class _Building:
             facts["Certainty"] = sure
         if isinstance(hidden := one.get("hidden"), str) and hidden:
             facts["SidesNotSeen"] = hidden
+        if one["kind"] == EITHER:
+            facts["MayBeDoor"] = True
         return facts
 
     def finished(self) -> str:

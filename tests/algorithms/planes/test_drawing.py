@@ -99,6 +99,30 @@ def test_what_was_not_seen_is_crossed_out() -> None:
     assert texts(drawn, "dimensions")[:5] == ["1.00", "1.00", "2.00", "1.50", "4.50"]
 
 
+def test_areas_add_up_and_edges_are_no_surer_than_points_are_apart() -> None:
+    """A part that was not seen counts once, also where it lies on an opening."""
+    for crs, metre in (("local", 1.0), ("local:mm", 1000.0)):
+        frame = elevation(crs, metre).frame
+        frame["spacing"] = [0.052 * metre, *[np.nan] * 3]
+        bare = geopandas.GeoDataFrame(
+            {"kind": ["unseen"], "front_id": [1], "opening_id": [0]},
+            geometry=[shapely.box(5, 1, 6.5, 2.5)],
+            crs=frame.crs,
+        )
+        bare.geometry = bare.geometry.scale(metre, metre, origin=(0, 0))
+        both = Vector(geopandas.GeoDataFrame(pd.concat([frame, bare], ignore_index=True)))
+        out = PlanesDrawing(elevation=both).run()
+        (row,) = out.areas.rows()
+        assert row == {
+            "front_id": 1,
+            "gross_m2": 60.0,
+            "openings_m2": 5.85,
+            "wall_m2": 52.65,
+            "unseen_m2": 1.5,
+        }
+        assert [row["edge_mm"] for row in out.schedule.rows()] == [52] * 3
+
+
 def test_millimetres() -> None:
     found = PlanesDrawing(elevation=elevation(), unit="mm", rounding=0.005).run().drawing
     assert texts(found.frame, "dimensions")[10] == "10000"

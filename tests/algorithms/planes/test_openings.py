@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import types
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -16,6 +17,7 @@ from pyproj import CRS
 
 from algorithms.planes._fronts import outside
 from algorithms.planes._gaps import _squares
+from algorithms.planes._openings import EITHER, Opening, kind_of
 from algorithms.planes._relief import _held, _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
@@ -594,3 +596,27 @@ def test_a_front_on_a_curve_is_told(caplog: pytest.LogCaptureFixture) -> None:
         caplog.clear()
         found(PointCloud(xyz, {"plane_id": number}, crs=LOCAL))
         assert ("as on a curve" in caplog.text) == told
+
+
+def test_a_door_whose_foot_was_not_seen_may_be_a_window() -> None:
+    """A car or a hedge before a door gives it a sill; above 0.8 m it is a window all the same."""
+    assert kind_of(2.0, 0.3, "bottom", 1.0) == "door"
+    for metre in (1.0, 1000.0):
+        assert kind_of(2.0 * metre, 0.32 * metre, "right, bottom", metre) == EITHER
+        assert kind_of(2.0 * metre, 0.32 * metre, "right", metre) == "window"
+        assert kind_of(2.0 * metre, 0.9 * metre, "bottom", metre) == "window"
+        assert kind_of(1.2 * metre, 0.32 * metre, "bottom", metre) == "window"
+
+
+def test_an_opening_that_may_be_two_things_is_half_as_certain() -> None:
+    uv = np.array([[0.5, 0.0], [0.5, 3.0]])
+    front = types.SimpleNamespace(uv=uv, own=np.ones(2, bool))
+    found = {
+        hidden: Opening(shapely.box(0, 0.4, 1, 2.5), 9, 0.1, 0.9, hidden, "recess", 0.9).row(
+            front,  # type: ignore[arg-type]
+            1.0,
+        )
+        for hidden in ("", "bottom")
+    }
+    assert [row["kind"] for row in found.values()] == ["window", EITHER]
+    assert [row["certainty"] for row in found.values()] == [0.9, pytest.approx(0.45)]

@@ -68,11 +68,16 @@ def test_kinds_are_layers(tmp_path: Path) -> None:
     assert listed["door"] != listed["front"]
 
 
+def test_kinds_of_several_words_are_one_name(tmp_path: Path) -> None:
+    drawing = drawn(tmp_path / "a.dxf", [shapely.Point(0, 0)], kind=["door or window"])
+    assert [e.dxf.layer for e in drawing.modelspace()] == ["door_or_window"]
+
+
 @pytest.mark.parametrize(
     "together",
     [
         ("walls", "openings", "unseen", "dimensions", "levels", "numbers", "title"),
-        ("door", "window"),
+        ("door", "window", "door_or_window"),
         ("contours", "contours_index"),
         ("wires", "towers", "crossings"),
     ],

@@ -26,3 +26,8 @@ def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return getattr(importlib.import_module(_MODULES[name]), name)
     raise AttributeError(f"module 'toolbox' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """What a notebook offers behind ``toolbox.``: also what is not imported yet."""
+    return sorted({*globals(), *__all__})

@@ -122,6 +122,8 @@ def digest(*inputs: Any) -> bytes:
 def listening() -> Iterator[list[str]]:
     """The warnings that are logged meanwhile, which belong to the result.
 
+    Where nothing else takes them, as in a script, they are printed on standard error.
+
     Examples
     --------
     >>> with listening() as warnings:
@@ -130,8 +132,16 @@ def listening() -> Iterator[list[str]]:
     ['the sea is at 0.2 m']
     """
     texts: list[str] = []
+    # A handler, as the ear is one, silences the printing that logging does where there is none.
+    last = None if log.hasHandlers() else logging.lastResort
+
+    def emit(record: logging.LogRecord) -> None:
+        texts.append(record.getMessage())
+        if last:
+            last.handle(record)
+
     ear = logging.Handler(logging.WARNING)
-    ear.emit = lambda record: texts.append(record.getMessage())  # type: ignore[method-assign]
+    ear.emit = emit  # type: ignore[method-assign]
     log.addHandler(ear)
     try:
         yield texts

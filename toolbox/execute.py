@@ -132,6 +132,7 @@ def _run(
     reads = sources.of_run(given, spec)
     writes = delivery.of_run(wanted, spec)
     if isinstance(spec, Model):
+        given = {**(spec.handed if delivery.is_asked(writes) else {}), **given}
         spec = spec.wanting(target.output for target in writes.values())
     settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
     delivery.tell_missing(writes)

@@ -18,17 +18,20 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
+from toolbox.counting import agree
 from toolbox.places import METADATA
 
 FOLDER = METADATA / "translations"
-_said: ContextVar[str] = ContextVar("language", default="")
+_language: ContextVar[str] = ContextVar("language", default="")
 VARIABLES = ("TOOLBOX_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
 TOLD = "told.po"  # texts with values in them
 _VALUE = re.compile(r"\{\d+\}")
 _NAME = re.compile(r"[a-z_]+")
+_SHARE = re.compile(r"(?P<name>.+?)(?P<share> [\d.]+ %)?", re.DOTALL)  # of a list: "water 4.0 %"
 _PARTS = re.compile(r"(?<=[;:.]) +")
 _LONG = 40  # letters of a text by which it is known, whatever its values hold
 _SHORT = 8  # letters that many texts have, so that the first value must be a number
+_ONE = r"(?:'[^']*'|[^;,( ](?:(?![;,]| \().)*)"  # a value before one that adds something to it
 _FILE = r"(?P<file>(?:\w+: )?\S*\w\.\w\S* )?"  # what a text is about, which begins with its verb
 # A decimal number by itself: no part of a name, of a path, of a version or of an address.
 _DECIMAL = re.compile(r"(?<![\w./:-])([-+]?\d+)\.(\d+)(?![\w/]|\.\w|-\d)")
@@ -42,16 +45,16 @@ def languages() -> list[str]:
 @contextmanager
 def speaking(code: str) -> Iterator[None]:
     """Texts are in this language for a while, whatever the language of the user."""
-    before = _said.set(code)
+    before = _language.set(code)
     try:
         yield
     finally:
-        _said.reset(before)
+        _language.reset(before)
 
 
 def chosen() -> str:
     """The language of the user, such as "tr"; "en" without a catalogue of it."""
-    if code := _said.get():
+    if code := _language.get():
         return code
     said = next((text for name in VARIABLES if (text := os.environ.get(name))), "")
     code = said.partition(".")[0].partition("_")[0].partition("-")[0].lower()
@@ -84,11 +87,11 @@ def text(english: str) -> str:
 def told(english: str) -> str:
     """A text with values in it, line by line, in the language of the user.
 
-    >>> told("a text that nobody has translated")
-    'a text that nobody has translated'
+    >>> told("a text that nobody has translated"), told("1 points are")
+    ('a text that nobody has translated', '1 point is')
     """
     if (code := chosen()) == "en":
-        return english
+        return agree(english)
     return "\n".join(_line(code, line) for line in english.split("\n"))
 
 
@@ -123,9 +126,9 @@ def _known(code: str, text: str) -> str | None:
     bare, ending = (text[:-1], text[-1]) if text[-1] in ".,;:" else (text, "")
     if made := _whole(code, text, ""):
         return made
-    if made := _whole(code, bare, ending) or _filled(code, bare):
+    if made := _whole(code, bare, ending):
         return made + ending
-    if made := _filled(code, text):
+    if made := _filled(code, bare, ending):
         return made
     name, _, rest = text.partition(" ")  # of a file, before what is wrong with it
     if rest and "." in name[:-1] and (said := _known(code, rest)):
@@ -138,29 +141,35 @@ def _whole(code: str, text: str, ending: str) -> str | None:
     exact = catalogue(code)
     if text in exact and not (ending == ":" and _NAME.fullmatch(text)):
         return exact[text]
-    names = text.split(", ")
-    known = all(name in exact or len(name) == 1 for name in names)
-    return ", ".join(exact.get(name, name) for name in names) if known and names[1:] else None
+    parts = [_SHARE.fullmatch(part) for part in text.split(", ")]
+    names = [(part["name"], part["share"] or "") for part in parts if part]
+    known = all(name in exact or len(name) == 1 for name, _ in names)
+    several = len(names) == len(parts) and (names[1:] or names[0][1])
+    return ", ".join(exact.get(n, n) + s for n, s in names) if known and several else None
 
 
-def _filled(code: str, text: str) -> str | None:
-    """A text with values."""
-    for pattern, translated in _patterns(code):
-        if found := pattern.fullmatch(text):
+def _filled(code: str, bare: str, ending: str) -> str | None:
+    """A text with values, whose last sign may belong to it, or to the sentence around it."""
+    for pattern, translated, last in _patterns(code):
+        own = ending if translated.endswith((ending, last)) else ""
+        if found := pattern.fullmatch(bare + own):
             named = found.groupdict()
             file = named.pop("file", "") or ""
             values = {name[1:]: _line(code, value) for name, value in named.items()}
-            return file + _VALUE.sub(lambda place: values[place[0][1:-1]], translated)  # noqa: B023
+            made = _VALUE.sub(lambda place: values[place[0][1:-1]], translated)  # noqa: B023
+            return file + made + ("" if own else ending)
     return None
 
 
 @functools.cache
-def _patterns(code: str) -> list[tuple[re.Pattern[str], str]]:
-    """What the texts with values look like, those that say most first."""
+def _patterns(code: str) -> list[tuple[re.Pattern[str], str, str]]:
+    """What the texts with values look like, those that say most first, and the value
+    with which each ends."""
     made = []
     entries = dict(catalogue(code, TOLD))
-    # What goes on after a semicolon may stand alone.
-    alone = {e[2:]: t.removeprefix("; ") for e, t in entries.items() if e.startswith("; ")}
+    # What goes on after a semicolon or a colon may stand alone.
+    added = {e: t for e, t in entries.items() if e.startswith(("; ", ": "))}
+    alone = {e[2:]: t.removeprefix(e[:2]) for e, t in added.items()}
     for english, translated in (alone | entries).items():
         words, values = _VALUE.split(english), _VALUE.findall(english)
         if not values or not any(word.strip(" :;,.()") for word in words):
@@ -174,13 +183,19 @@ def _patterns(code: str) -> list[tuple[re.Pattern[str], str]]:
             r".+?" if whole else r"[\d,.]+" if size <= _SHORT and not words[0] else rf"{inside}+?"
         )
         # One that follows without a blank may be empty.
-        glued = [inside + ("*?" if word[-1:].isalnum() else "+?") for word in words[1:]]
+        glued = [
+            inside + ("+?" if word and not word[-1:].isalnum() else "*?") for word in words[1:]
+        ]
         kinds = [rf"{inside}*?" if words[0][-1:].isalnum() else first, *glued]
+        for at, word in enumerate(words[1:-1]):
+            if not word:  # no word between this value and the next, which adds something to it
+                kinds[at] = _ONE
         names = [f"(?P<v{v[1:-1]}>{k})" for v, k in zip(values, kinds, strict=False)] + [""]
         text = "".join(re.escape(w) + n for w, n in zip(words, names, strict=True))
         text = f"{_FILE}{text}" if english[0].islower() else text
-        made.append((size, re.compile(text), translated))
-    return [(pattern, text) for _, pattern, text in sorted(made, key=lambda one: -one[0])]
+        last = values[-1] if english.endswith(values[-1]) else "\0"  # which nothing ends with
+        made.append((size, re.compile(text), translated, last))
+    return [(how, text, last) for _, how, text, last in sorted(made, key=lambda one: -one[0])]
 
 
 def paragraphs(english: str) -> str:

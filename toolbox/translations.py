@@ -19,6 +19,7 @@ from pathlib import Path
 import polib
 
 from toolbox import catalog, language
+from toolbox.data import dxf
 from toolbox.data.asprs import CLASSES
 from toolbox.language import FOLDER
 
@@ -41,14 +42,25 @@ NO_TEXT = re.compile(  # tags, SQL, code, names, paths, styles
 )
 ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")[^"]+(?="\))')
 PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
-HEADS = ("Coordinates", "Made with", "Map", "Files", "Drawings", "Left out")  # of one word
-COUNTS = ("{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})")
+HEADS = ["Coordinates", "Made with", "Map", "Files", "Drawings", "Left out"]  # of one word
+HEADS += ["Shows", "Source", "Crossed", "Broken", "Scale", "door?"]  # in title blocks
+HEADS += ["Wall", "Window", "Door", "elevation of fronts"]
+LOCAL = "local coordinates in"
+COUNTS = ["{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})"]
+COUNTS += ["{1} % are lower"]
+COUNTS += ["Front {1}", "Plane {1}", "{1} to {2} m", "place of about {1} m2 at {2},{3}"]
+COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]
 SHORT = ["no rule", "not given", "near a wire", "the ground", "other objects", "another line"]
-SHORT += ["trees", "buildings", "roads", "rails"]
+SHORT += ["trees", "buildings", "roads", "rails", "its level", "a spreadsheet", "few returns"]
+SHORT += ["a number", "unknown parameter", "unknown output", "well spread"]
+SHORT += ["north-west", "north-east", "south-west", "south-east"]
+SHORT += ["No plane", "Not seen", "rounded", *dxf.COLOUR_NAMES.values()]
+SHORT += [f"{where} {unit}" for unit in dxf.UNIT_NAMES.values() for where in ("in", LOCAL)]
+SHORT += [name.lower() for name in CLASSES.values()]
 # Words in the columns that reports show.
 WORDS = "ground tree building water rail road line other tower pole conductor wire door window"
 WORDS += " critical watch falling plane shore island flat gable hip left right"
-WORDS += " bottom top unseen unclassified blocks all"
+WORDS += " bottom top unseen unclassified blocks all level dark raster vector table"
 FAULTS = ("AssertionError", "AttributeError", "TypeError")  # of code, told to who writes it
 PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")
 VALUE = re.compile(r"\{\d+\}")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
 import pytest
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, listening, log
 
 HEIGHTS = np.arange(6.0)
 
@@ -53,3 +54,15 @@ def test_only_the_last_of_a_name_is_kept() -> None:
 def test_nothing_is_kept_where_no_steps_share() -> None:
     assert len(kept((1,), (1,), ctx=QUIET)) == 2
     assert QUIET.kept is None
+
+
+@pytest.mark.parametrize("someone_listens", [False, True])
+def test_warnings_of_a_script_are_printed_once(
+    someone_listens: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(log, "propagate", False)
+    monkeypatch.setattr(log, "handlers", [logging.NullHandler()] if someone_listens else [])
+    with listening() as model, listening() as step:  # steps run within models
+        log.warning("the sea is at %s m", 0.2)
+    assert model == step == ["the sea is at 0.2 m"]
+    assert capsys.readouterr().err == ("" if someone_listens else "the sea is at 0.2 m\n")

@@ -89,6 +89,14 @@ def test_a_source_may_say_how_to_read_it(text: Path) -> None:
     assert list(result["kept"]["intensity"]) == [1, 2, 3, 4]
 
 
+def test_bounds_without_points_are_told(text: Path, caplog: pytest.LogCaptureFixture) -> None:
+    points = {"path": text, "columns": "x,y,z,intensity", "bounds": [0, 0, 5, 9]}
+    toolbox.run("points.info", {"points": points})
+    assert "within bounds" not in caplog.text
+    toolbox.run("points.info", {"points": points | {"bounds": [90, 0, 95, 9]}})
+    assert "no point lies within bounds; info says where they are" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("points", "message"),
     [
@@ -102,6 +110,7 @@ def test_a_source_may_say_how_to_read_it(text: Path) -> None:
         (["FILE", 5], "must be a path or a PointCloud"),
         ("none*.laz", r"there is no file none\*.laz"),
         (5, "must be a path or a PointCloud, got 5"),
+        (np.zeros((2, 3)), r"got ndarray; PointCloud\(xyz, crs=...\) or .* makes one"),
         (None, "must be a path or a PointCloud, got None"),
         ("", "must be a path or a PointCloud, got ''"),
         ("no" * 200, "File name too long"),
@@ -115,7 +124,7 @@ def test_sources_that_cannot_be_opened(
         points = points | {"path": text}
     elif isinstance(points, list):
         points = [text if item == "FILE" else item for item in points]
-    elif points == "FOLDER":
+    elif isinstance(points, str) and points == "FOLDER":
         points = tmp_path / "folder"
         points.mkdir()
     with pytest.raises((ParameterError, DataError), match=message) as caught:

@@ -52,13 +52,17 @@ def test_help_and_list_are_translated_and_json_is_not(
     assert main(["describe", "surface.grid"]) == 0
     said = capsys.readouterr().out
     assert "Noktaları raster olarak gridle" in said
+    assert said.startswith("kullanım: python -m toolbox run surface.grid --points ...")
     assert "--cell NUMBER" in said
     assert "girdiler:" in said
+    assert "show this help" not in said
     assert main(["list"]) == 0
     assert "surface.grid" in (listed := capsys.readouterr().out)
     assert "Noktalardan, hücre" in listed
     assert main(["list", "zemini", "sınıflandır"]) == 0
     assert "ground.classify" in capsys.readouterr().out
+    assert main([]) == 0
+    assert "tüm araçlar" in capsys.readouterr().out
     assert main(["list", "contour"]) == 0  # English words find as well
     assert "surface.contours" in capsys.readouterr().out
     assert main(["describe", "surface.grid", "--json"]) == 0
@@ -88,9 +92,45 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
         ("191 points withheld.", "withheld: 191 nokta."),
         ("Wires, Towers", "Teller, Direkler"),
         ("must be a, got 'c'; did you mean 'b'?", "a olmalı, verilen 'c'; 'b' mı demek istediniz?"),
+        (  # a value that has another one beside it ends where that begins
+            "no tool called 'ground.clasify'; did you mean 'ground.classify'?",
+            "'ground.clasify' adında bir araç yok; 'ground.classify' mı demek istediniz?",
+        ),
+        (  # the longest text counts, also if the last full stop is its own
+            "3 points were taken for noise: 2 low, 1 high.",
+            "3 nokta gürültü sayıldı: 2 alçak, 1 yüksek.",
+        ),
         (
-            "no rule: a.csv has no row for ground; listed within 6 m",
-            "kural yok: a.csv içinde zemin için satır yok; 6 m içinde listelenir",
+            "Of the area, as seen from above: ground 80.3 %, bridge deck 0.5 %.",
+            "Yukarıdan görüldüğü gibi, alanın: zemin 80.3 %, köprü tabliyesi 0.5 %.",
+        ),
+        (
+            "One water body of 455 m² in all, 13 m² more or less; its level is 116.799 m, ± 0.001 "
+            "m within the survey (95 % intervals); an error that all of its heights have in common "
+            "comes on top.",
+            "Bir su kütlesi, toplam 455 m², 13 m² fazla veya eksik; seviyesi 116.799 m, "
+            "ölçüm içinde ± 0.001 m (% 95 aralıkları); ölçümün tüm yüksekliklerinde ortak olan "
+            "bir hata buna eklenir.",
+        ),
+        ("5 % are lower", "% 5 daha düşük"),
+        (
+            "well spread: at least 20% of them belong in each quarter; fewest in the north-west",
+            "iyi yayılmış: her çeyrekte en az 20% kadarı olmalı; en azı kuzeybatı yönünde",
+        ),
+        (  # each raster by itself
+            "Rasters have cells of 1 m. Terrain from 0.76 to 15.00 m, 0.7 % of its cells empty.",
+            "Rasterlerin hücreleri 1 m. Arazi 0.76 - 15.00 m, hücrelerinin % 0.7 kadarı boş.",
+        ),
+        (  # a sentence within a sentence keeps its full stop
+            "The survey has 2.0 pulses per square metre, 0.71 m apart; 0.10 % of it are voids. "
+            "2 strips overlap on 30 % of it.",
+            "Ölçmede metrekareye 2.0 atım var, 0.71 m aralıklı; % 0.10 kadarı boşluk. "
+            "2 şerit, ölçmenin % 30 kadarında örtüşüyor.",
+        ),
+        ("cell: must be > 0 and <= 9 m, got 0.0", "cell: > 0 ve <= 9 m olmalı, verilen 0.0"),
+        (
+            "no rule: a.csv says nothing on ground; listed within 6 m",
+            "kural yok: a.csv zemin için bir şey demiyor; 6 m içinde listelenir",
         ),
     ],
 )

@@ -23,6 +23,7 @@ SHAPES = {  # placeholders in --help for values of several numbers
 }
 _KEPT = "\0"  # stands for a blank at which no line is broken
 HELP = {"-h", "--help"}
+ALL = "all"  # what to say after them to see every option
 SEVERAL = ("PointCloud", "Survey")  # types of layers that can be read from several files
 
 
@@ -36,34 +37,50 @@ class _Parser(argparse.ArgumentParser):
         raise ParameterError(self.prog, {"command line": text})
 
 
-def parser(described: Description) -> argparse.ArgumentParser:
-    """Make the parser of one tool; each value is appended to a list under its name."""
+class _Formatter(argparse.RawDescriptionHelpFormatter):
+    """Help whose first word is translated too."""
+
+    def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
+        super().add_usage(usage, actions, groups, prefix or f"{language.text('usage')}: ")
+
+
+def parser(described: Description, *, whole: bool = True) -> argparse.ArgumentParser:
+    """Make the parser of one tool; each value is appended to a list under its name.
+
+    Parameters
+    ----------
+    whole : with all options; else with those that most runs need, for a help of a page or two
+    """
     made = _Parser(
         described["id"],
         usage=_usage(described),
         description=f"{described['title']}\n\n{described['description']}",
         epilog=_examples(described),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=_Formatter,
+        add_help=False,
         allow_abbrev=False,  # else --windo would quietly be taken for --window
         argument_default=argparse.SUPPRESS,
     )
     inputs = made.add_argument_group(language.text("inputs"))
     for name, field in described["inputs"].items():
         _add_input(inputs, name, field)
+        _add_options(inputs, name, field if whole else {})
     results = made.add_argument_group(language.text("outputs"))
     for name, field in described["outputs"].items():
         if is_layer(field["schema"]):
             text = labelled(name, field["title"], field["description"])
             _add(results, name, metavar="PATH", help=text)
-            _add_options(results, name, field)
-    if between := described.get("between"):
+            _add_options(results, name, field if whole else {})
+    if whole:
         kept = made.add_argument_group(language.text("results of steps"))
-        for name, field in between.items():
+        for name, field in described.get("between", {}).items():
             if is_layer(field["schema"]):
                 _add(kept, name, metavar="PATH", help=field["description"])
                 _add_options(kept, name, field)
     general = made.add_argument_group(language.text("how to run"))
-    _add_general(general, described.get("deliver", ()))
+    _add_usual(general, described.get("deliver", ()))
+    if whole:
+        _add_rest(general)
     return made
 
 
@@ -117,7 +134,6 @@ def _add_input(group: Any, name: str, field: Description) -> None:
     kind = SHAPES.get(says["type"], says["type"].upper().replace(" ", "_"))
     text = labelled(name, field["title"], field["description"])
     _add(group, name, metavar=kind, help=text + rule + default, **how)
-    _add_options(group, name, field)
 
 
 def _unit(says: Mapping[str, str]) -> str:
@@ -128,7 +144,7 @@ def _unit(says: Mapping[str, str]) -> str:
 
 def _add_options(group: Any, name: str, field: Description) -> None:
     """Add the options of reading or writing a layer: ``--points.columns x,y,z,label``."""
-    for meta in field["metadata"]:
+    for meta in field.get("metadata", ()):
         if meta["role"] == "option":
             option = meta["title"]
             _add(group, f"{name}.{option}", metavar=option.upper(), help=meta["value"])
@@ -139,15 +155,13 @@ def _add(group: Any, name: str, *, help: str, **how: Any) -> None:
     group.add_argument(*names, dest=name, action="append", help=help.replace("%", "%%"), **how)
 
 
-def _add_general(group: Any, delivered: Iterable[Description]) -> None:
+def _add_usual(group: Any, delivered: Iterable[Description]) -> None:
+    """Add what most runs need."""
     group.add_argument(
         "--assume-crs",
         "--assume_crs",
         metavar="CRS",
         help=language.text("CRS of files that state none, or local"),
-    )
-    group.add_argument(
-        "--params", metavar="FILE", help=language.text("values as JSON or YAML; - is stdin")
     )
     group.add_argument(
         "--overwrite", action="store_true", help=language.text("let outputs replace files")
@@ -164,14 +178,27 @@ def _add_general(group: Any, delivered: Iterable[Description]) -> None:
         text = language.text("write the set that is handed over:")
         text += f" {', '.join(names)}, README.txt"
         group.add_argument("--deliver", metavar="FOLDER", help=text)
+    group.add_argument(
+        "--tile", metavar="METRES", help=language.text("work in tiles of this size, or auto")
+    )
+    group.add_argument(
+        "-h",
+        "--help",
+        nargs="?",
+        metavar=ALL,
+        help=language.text("the usual options; with all also those of formats and of steps"),
+    )
+
+
+def _add_rest(group: Any) -> None:
+    group.add_argument(
+        "--params", metavar="FILE", help=language.text("values as JSON or YAML; - is stdin")
+    )
     _add_project(group)
     group.add_argument(
         "--counts",
         metavar="TABLE",
         help=language.text("write how much each step read and gave, as a table"),
-    )
-    group.add_argument(
-        "--tile", metavar="METRES", help=language.text("work in tiles of this size, or auto")
     )
     group.add_argument(
         "--workers", metavar="N", help=language.text("processes that work on tiles (all cores)")
@@ -241,8 +268,7 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
         An option is repeated, or a word belongs to no option.
     """
     said = _joined(renamed.words(described["id"], arguments))
-    if HELP & set(said):
-        described = language.described(described)
+    _help(described, said)
     found, unknown = parser(described).parse_known_args(said)
     given = vars(found)
     whole = [n for n, value in given.items() if n in PROJECT or not isinstance(value, list)]
@@ -256,6 +282,15 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
         raise ParameterError(described["id"], problems)
     values = {name: _alone(described, name, texts[0]) for name, texts in given.items()}
     return values | misspelt, general
+
+
+def _help(described: Description, said: list[str]) -> None:
+    """Print the help and leave, where a command line asks for it."""
+    asked = [place for place, word in enumerate(said) if word.partition("=")[0] in HELP]
+    if asked:
+        whole = ALL in (said[asked[0]].partition("=")[2], *said[asked[0] + 1 :][:1])
+        parser(language.described(described), whole=whole).print_help()
+        raise SystemExit(0)
 
 
 def _hint(described: Description, word: str) -> str:

@@ -269,7 +269,7 @@ def _is_layer(value: Any) -> bool:
 
 def _kind(layer: Any) -> str:
     size = f"{len(layer)} points" if hasattr(layer, "xyz") else type(layer).__name__
-    return size.lower()
+    return language.told(size.lower())
 
 
 def _explained(line: str, help: str) -> str:

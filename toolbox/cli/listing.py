@@ -12,7 +12,14 @@ from toolbox import language
 
 Summary = Mapping[str, Any]
 
-GUIDE = """\
+_NARROWEST = 60  # columns; a terminal of less breaks lines as it likes
+_GAP = 2  # blanks between columns
+
+
+def guide() -> str:
+    """What the command line says where no verb is given."""
+    return language.text(
+        """\
 Geoprocessing tools for LiDAR. For a beginning:
 
   python -m toolbox list                 all tools
@@ -25,9 +32,7 @@ Geoprocessing tools for LiDAR. For a beginning:
                                          a terrain model of it
 
 More: python -m toolbox --help"""
-
-_NARROWEST = 60  # columns; a terminal of less breaks lines as it likes
-_GAP = 2  # blanks between columns
+    )
 
 
 def matching(tools: Sequence[Summary], words: Sequence[str]) -> list[Summary]:

@@ -50,10 +50,13 @@ def main(argv: list[str] | None = None) -> int:
         _never_failing(stream)
     said = sys.argv[1:] if argv is None else argv
     if not said:
-        print(listing.GUIDE)
+        print(listing.guide())
         return 0
     if said[0] == "help":
         said = _help(said[1:])
+    if "." in said[0] and said[0] in catalog.own_ids():
+        text = language.text("{id} is a tool; did you mean 'run {id}'?").format(id=said[0])
+        return Console().error(ParameterError(text))
     try:
         first = {"run": _run, "batch": _batch, "demo": _demo}.get(said[0] if said else "")
         code = first(said[1:]) if first else _other(said)
@@ -74,12 +77,12 @@ def main(argv: list[str] | None = None) -> int:
 def _help(said: list[str]) -> list[str]:
     """What to run for ``help``, of a verb or a tool.
 
-    >>> _help([]), _help(["list"]), _help(["ground.csf"])
-    (['--help'], ['list', '--help'], ['run', 'ground.csf', '--help'])
+    >>> _help([]), _help(["list"]), _help(["ground.csf", "all"])
+    (['--help'], ['list', '--help'], ['run', 'ground.csf', '--help', 'all'])
     """
     if not said:
         return ["--help"]
-    return [said[0], "--help"] if "." not in said[0] else ["run", said[0], "--help"]
+    return [said[0], "--help"] if "." not in said[0] else ["run", said[0], "--help", *said[1:]]
 
 
 def _never_failing(stream: object) -> None:
@@ -289,7 +292,8 @@ def _tell_unsaved(
         if arguments.is_layer(field["schema"]) and not _is_printed(field["schema"])
     ]
     if layers and not written & values.keys() and not SHOWN & general.keys():
-        console.message("info", f"nothing will be saved; to keep a result: --{layers[0]} PATH")
+        text = language.text("nothing will be saved; to keep a result: --{name} PATH")
+        console.message("info", text.format(name=layers[0]))
 
 
 def _tell_compiling(console: Console) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from toolbox import catalog, files
+from toolbox.counting import agree
 from toolbox.errors import DataError, ParameterError
 from toolbox.models import documents
 
@@ -67,7 +68,7 @@ def _check(args: argparse.Namespace) -> str:
     model = _model(args.file)
     width = max(map(len, model.steps))
     reach = model.reach({})
-    lines = [f"{args.file}: {model.id} is fine, {len(model.steps)} step(s)"]
+    lines = [agree(f"{args.file}: {model.id} is fine, {len(model.steps)} steps")]
     for name, step in model.steps.items():
         far = reach.get(name, 0.0)
         needs = "needs the whole survey" if math.isinf(far) else f"looks {far:.4g} m around"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 from toolbox import __version__
@@ -44,7 +45,13 @@ def _install(args: argparse.Namespace) -> str:
     from toolbox.qgis.install import install
 
     folder = install(_profile(args))
-    return f"{folder}: installed. Start QGIS anew; the tools are in the Processing toolbox."
+    told = f"{folder}: installed. Start QGIS anew; the tools are in the Processing toolbox."
+    if "VIRTUAL_ENV" in os.environ:  # whose Python comes before that of QGIS on the search path
+        told += (
+            "\nNot from this terminal, where a Python environment is active: QGIS would take it "
+            "for its own, and find no plugins. Start it from the menu, or say deactivate first."
+        )
+    return told
 
 
 def _uninstall(args: argparse.Namespace) -> str:
@@ -79,7 +86,7 @@ def _doctor(args: argparse.Namespace) -> str:
     text = "\n".join(lines)
     if any(each.mend for each in found):
         print(text)
-        raise DataError(f"qgis: {sum(bool(each.mend) for each in found)} thing(s) to mend")
+        raise DataError(f"qgis: things to mend: {sum(bool(each.mend) for each in found)}")
     return text
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from toolbox import language
 from toolbox.data.table import cell_texts, is_number
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ WORDS = {
     "": "",
     "_block": " by blocks",
 }  # of the limits in columns that end so, before _low and _high
+SENTENCES = ("heights", "warning")  # properties of files whose values are in words
+MEANING = "meaning"  # a column that says in words what stands beside it
 NARROWEST = 24  # characters to which a text is wrapped at least
 
 
@@ -86,6 +89,8 @@ def properties(frame: pd.DataFrame, width: int) -> str:
     names = list(map(str, frame["property"]))
     values = zip(cell_texts(frame["value"], missing="-"), frame["unit"].fillna(""), strict=True)
     texts = [f"{value} {unit}".strip() for value, unit in values]
+    said = [name in SENTENCES for name in names]
+    texts = [language.told(t) if is_said else t for t, is_said in zip(texts, said, strict=True)]
     left = max(map(len, names), default=0) + len(GAP)
     if width - left >= NARROWEST:
         heads = [name.ljust(left) for name in names]
@@ -113,6 +118,8 @@ def _columns(frame: pd.DataFrame) -> Iterator[_Column]:
     limits = {f"{name}_{end}" for name in found for end in ("low", "high")}
     for name in names:
         texts = cell_texts(frame[name], missing="-")
+        if name == MEANING:
+            texts = [language.told(text) for text in texts]
         if name in with_limits:
             kind = with_limits[name]
             low_high = (frame[f"{name}{kind}_{end}"] for end in ("low", "high"))

@@ -62,3 +62,17 @@ COLOURS: Mapping[int, str] = MappingProxyType(
     }
 )
 """Colour of each class in plots, drawings and QGIS."""
+
+
+def class_name(code: int) -> str:
+    """The name of a class, or who may give it one: LAS 1.4 R15, table 17.
+
+    Examples
+    --------
+    >>> class_name(6), class_name(26), class_name(65)
+    ('Building', 'Reserved by the ASPRS', 'Defined by the producer')
+    """
+    return CLASSES.get(code, "Reserved by the ASPRS" if code < _OWN else "Defined by the producer")
+
+
+_OWN = 64  # the first class that whoever makes a file may define

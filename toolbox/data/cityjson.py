@@ -16,11 +16,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 
+from toolbox.data.crs import metres_per_height
+from toolbox.data.layer import day_of
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -29,14 +32,21 @@ if TYPE_CHECKING:
 
 SUFFIX = ".city.json"
 GROUND, TOPS, HEIGHT = "ground", ("mean", "eave", "ridge"), "height"
+ID, RIDGE, FORM = "id", "ridge", "form"
 _SCALE = 0.001
 _APART = 0.01  # in the unit of the data: between a hole and the ring that it touches
 _SURFACES = ({"type": "GroundSurface"}, {"type": "RoofSurface"}, {"type": "WallSurface"})
 _FOOT, _ROOF, _WALL = range(3)
 
 
-def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
+def write(
+    frame: geopandas.GeoDataFrame, path: Path, head: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Write a city model with a building for each polygon.
+
+    Parameters
+    ----------
+    head : title and date (YYYY-MM-DD) of the set that it belongs to, if they are known
 
     Raises
     ------
@@ -44,25 +54,33 @@ def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
         A feature is no polygon, or has no height of its ground and roof.
     """
     places = _Places(frame)
+    metre = 1.0 if frame.crs is None else 1 / metres_per_height(frame.crs)
     objects: dict[str, Any] = {}
+    keys = _keys(frame)
     names = [str(name) for name in frame.columns if name != frame.geometry.name]
-    for number, (shape, values) in enumerate(
-        zip(frame.geometry, frame[names].to_dict("records"), strict=True), start=1
-    ):
+    rows = frame[names].to_dict("records")
+    for key, shape, values in zip(keys, frame.geometry, rows, strict=True):
         low, high = heights_of(values, path)
         made = (places.solid(part, low, high) for part in _polygons(shape, path))
         solids = [solid for solid in made if solid]
         if solids:
-            objects[f"building-{number}"] = {
+            objects[key] = {
                 "type": "Building",
-                "attributes": {n: v for n, v in values.items() if _holds(v)},
+                "attributes": _attributes(values, metre),
                 "geometry": [_geometry(solids)],
             }
     model: dict[str, Any] = {"type": "CityJSON", "version": "2.0"}
     model["transform"] = {"scale": [_SCALE] * 3, "translate": places.origin.tolist()}
-    model["metadata"] = _metadata(frame.crs, places)
+    model["metadata"] = _metadata(frame.crs, places, head)
     model |= {"CityObjects": objects, "vertices": places.vertices}
     path.write_text(json.dumps(model, ensure_ascii=False, default=_plain) + "\n", encoding="utf-8")
+
+
+def _keys(frame: geopandas.GeoDataFrame) -> list[str]:
+    """What the buildings are called: by their own ids if these tell them apart, else by number."""
+    if ID in frame and frame[ID].notna().all() and frame[ID].astype(str).is_unique:
+        return [f"building-{name}" for name in frame[ID]]
+    return [f"building-{number}" for number in range(1, len(frame) + 1)]
 
 
 def heights_of(values: Mapping[str, Any], path: Path) -> tuple[float, float]:
@@ -76,6 +94,21 @@ def heights_of(values: Mapping[str, Any], path: Path) -> tuple[float, float]:
     if not found:
         raise DataError(f"{path}: a building has none of {', '.join(TOPS)} and {HEIGHT}")
     return float(ground), found[0]  # type: ignore[arg-type]
+
+
+def _attributes(values: Mapping[str, Any], metre: float) -> dict[str, Any]:
+    """What is known of a building, and its height and form under the names of the standard.
+
+    `measuredHeight` is the height of the ridge above the ground in metres, `roofType` the form. The
+    block ends at the mean height of the roof, and so is lower.
+    """
+    made = {name: value for name, value in values.items() if _holds(value)}
+    ground, ridge = (made.get(name) for name in (GROUND, RIDGE))
+    if ground is not None and ridge is not None and ridge > ground:
+        made["measuredHeight"] = round(float(ridge - ground) / metre, 3)
+    if FORM in made:
+        made["roofType"] = made[FORM]
+    return made
 
 
 def _holds(value: Any) -> bool:
@@ -170,9 +203,11 @@ def _without_touching_holes(polygon: Any) -> Any:
     return shapely.Polygon(polygon.exterior, holes)
 
 
-def _metadata(crs: CRS | None, places: _Places) -> dict[str, Any]:
-    """CRS by its EPSG code, and extent."""
-    made: dict[str, Any] = {}
+def _metadata(crs: CRS | None, places: _Places, head: Mapping[str, str]) -> dict[str, Any]:
+    """Title and day, CRS by its EPSG code, and extent."""
+    made: dict[str, Any] = {"title": head["title"]} if head.get("title") else {}
+    if day := day_of(head):
+        made["referenceDate"] = day
     code = crs.to_epsg() if crs is not None else None
     if crs is not None and code is None and len(crs.sub_crs_list) == 2:
         code = crs.sub_crs_list[0].to_epsg()

@@ -245,8 +245,42 @@ def short_unit(crs: CRS) -> str:
     >>> short_unit(CRS(2263)), short_unit(CRS(32635))
     ('us-ft', 'm')
     """
-    factor, axis = metres_per_unit(crs), horizontal_crs(crs).axis_info[0]
-    return next((n for n, size in UNITS_OF_LENGTH.items() if _close(factor, size)), axis.unit_name)
+    return unit_of(metres_per_unit(crs)) or str(horizontal_crs(crs).axis_info[0].unit_name)
+
+
+def unit_of(metres: float) -> str:
+    """The unit of so many metres, as it may be written behind a value; "" for another one.
+
+    Examples
+    --------
+    >>> unit_of(0.3048), unit_of(0.7)
+    ('ft', '')
+    """
+    return next((name for name, size in UNITS_OF_LENGTH.items() if _close(metres, size)), "")
+
+
+def short_height_unit(crs: CRS | None) -> str:
+    """The unit of heights, as it may be written behind a value; "" if it is not known.
+
+    Examples
+    --------
+    >>> short_height_unit(CRS(2263)), short_height_unit(CRS(32635)), short_height_unit(None)
+    ('us-ft', 'm', '')
+    """
+    known = {"metre": "m", "foot": "ft", "US survey foot": "us-ft"}
+    return known.get(vertical_unit(crs), "")
+
+
+def feet_of_heights(crs: CRS | None) -> tuple[str, float] | None:
+    """The unit of heights that are in feet, and its metres; None if they are not.
+
+    Examples
+    --------
+    >>> feet_of_heights(CRS(2222)), feet_of_heights(CRS(32635))
+    (('ft', 0.3048), None)
+    """
+    unit = short_height_unit(crs)
+    return None if unit in ("m", "") else (unit, UNITS_OF_LENGTH[unit])
 
 
 def has_heights(crs: CRS) -> bool:

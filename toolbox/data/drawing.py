@@ -104,6 +104,7 @@ class Drawing(Layer):
     name: str = ""
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".pdf", ".svg", ".png", ".dxf")
+    HEADED: ClassVar[tuple[str, ...]] = SUFFIXES
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "crs", crs_of(self.crs))
@@ -148,24 +149,41 @@ class Drawing(Layer):
         """Millimetres on paper for one unit of length."""
         return 1000 / self.metre / scale
 
-    def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        head: Mapping[str, str] = MappingProxyType({}),
+        record: str = "",
+        ctx: Context = QUIET,
+    ) -> None:
         """Write a PDF with a page for each section, an SVG or PNG of all, or a DXF.
 
         A DXF has the unit of the data, heights as they are at the first section, and the others
         below it; its layers are the groups of points. The same drawing makes the same bytes.
+
+        Parameters
+        ----------
+        path : ends in .pdf, .svg, .png or .dxf
+        head : title, client and date, for a drawing that has places for them
+        record : how the file was made, as JSON text
+        ctx : where to report progress
 
         Raises
         ------
         DataError
             The suffix is another, or the sheet would be too large.
         """
+        if head:
+            self.with_head(head).save(path, record=record, ctx=ctx)
+            return
         path = Path(path)
         suffix = path.suffix.lower()
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: drawings are written as {', '.join(self.SUFFIXES)}")
         with errors_named(f"{path} cannot be written"):
             if suffix == ".dxf":
-                dxf.write_entities(path, self._entities(), self.crs, dict(self.groups))
+                self._write_dxf(path)
             elif suffix == ".pdf":
                 self._write_pdf(path, ctx)
             else:
@@ -175,6 +193,9 @@ class Drawing(Layer):
             if side_car(path):
                 write_beside(path, record)
         ctx.progress(1.0)
+
+    def _write_dxf(self, path: Path) -> None:
+        dxf.write_entities(path, self._entities(), self.crs, dict(self.groups))
 
     def _write_pdf(self, path: Path, ctx: Context) -> None:
         from matplotlib.backends.backend_pdf import PdfPages

@@ -52,6 +52,7 @@ VECTORS: Mapping[str, bytes] = {
 """How files begin, by suffix: a regular expression; a mark of the byte order may stand before."""
 
 _TABLE = ".csv with columns x, y and z, or easting, northing and elevation, or wkt"
+_TEXTS, _CLOUDS = (".txt", ".xyz", ".pts"), (".las", ".laz", ".ply", ".e57", ".pcd", ".ptx")
 _ELSEWHERE = re.compile(rb"(?i)<OGR(VRT|WFS)DataSource|gdal_streamed_alg")
 _HEAD = 2**16  # bytes, in which GDAL looks for such marks; it begins with 1024
 _SIDE_CARS = (".msk", ".ovr")  # rasters that GDAL opens beside a raster, whatever they are
@@ -101,6 +102,13 @@ def check_vector(path: Path) -> None:
 def _unknown(path: Path, what: str, suffixes: Iterable[str], program: str) -> str:
     ending = path.suffix.lower() or "a file without ending"
     read = ", ".join(suffixes)
+    if program == "ogr2ogr" and ending in _TEXTS:  # of which no program knows the columns
+        return (
+            f"{path}: {what} are read from {read}, not {ending}; save it as .csv whose first line "
+            "has the names of its columns, such as id,x,y,z"
+        )
+    if program == "gdal_translate" and ending in _CLOUDS:
+        return f"{path} holds points; surface.grid makes a raster of them"
     return f"{path}: {what} are read from {read}, not {ending}; convert it with {program}"
 
 

@@ -1,15 +1,17 @@
 """Vector layers as DXF drawings, for CAD.
 
 Points become POINT, or TEXT where they have an attribute `text` (its size is `text_height`, its
-turn `angle`, in degrees counterclockwise), lines and rings of polygons LWPOLYLINE, or POLYLINE
-where they have heights. An attribute `layer`, or else `kind`, names the layer of each; all
-attributes stand at the entity as extended data of the application LIDAR-TOOLBOX, one text
-`name=value` each. What has a `severity`, and index contours (`is_index`), have layers of their own,
-such as objects_critical and contours_index. A drawing has a unit, but no CRS.
+turn `angle`, in degrees counterclockwise; it is centred, or begins there where `anchor` is left), a
+straight line with a text the DIMENSION that it is the line of, other lines and rings of polygons
+LWPOLYLINE, or POLYLINE where they have heights. An attribute `layer`, or else `kind`, names the
+layer of each; all attributes stand at the entity as extended data of the application LIDAR-TOOLBOX,
+one text `name=value` each. What has a `severity`, and index contours (`is_index`), have layers of
+their own, such as objects_critical and contours_index. A drawing has a unit, but no CRS.
 """
 
 from __future__ import annotations
 
+import math
 import re
 import zlib
 from collections import Counter
@@ -33,22 +35,29 @@ if TYPE_CHECKING:
 
 APPLICATION = "LIDAR-TOOLBOX"
 LAYER, KIND = "layer", "kind"
-TEXT, ANGLE, SIZE = "text", "angle", "text_height"
+TEXT, ANGLE, SIZE, ANCHOR, SHIFT = "text", "angle", "text_height", "anchor", "shift"
+ABOUT = "about"  # what of a set a text is about: without one, nothing stands there
+TICK, ABOVE = 0.6, 0.3  # of the height of a text: half a stroke of a dimension, gap below its text
+DASHED = "data_edge"  # a layer of broken lines: what ends there goes on, unseen
+_DASH = 5.0, 3.0  # heights of a text, or parts in 300 of the drawing: a stroke and a gap
 _CROSS, _SHARE = 35, -1.5  # points are shown as circles with a cross, in percent of the view
 _SCREEN = 1.5  # width over height of the window in which a drawing opens
 _AROUND = 1.1  # height of what is seen there over that of the drawing
+_BY_LAYER = 256  # colour of lines: that of their layer
 _SIZE = 2.0  # of texts that say none, in the unit of the drawing
 SEVERITY, INDEX = "severity", "is_index"
 _OF_INDEX = "_index"
 _OF_LABELS = "_labels"  # how layers of texts end, which have the colour of what they name
-_OF_SEVERITY = {"critical": 1, "warning": 30, "watch": 52, "not sure": 9}
+_OF_SEVERITY = {"critical": 1, "warning": 30, "watch": 52, "no rule": 8, "not sure": 9}
 _OF_LAYER = {  # colours as numbers of AutoCAD; offices plot by them, so a name has always the same
+    "frame": 7,
     "walls": 7,
     "openings": 5,
     "door": 22,
     "window": 5,
     "door_or_window": 34,
     "unseen": 8,
+    "data_edge": 8,
     "dimensions": 200,
     "levels": 134,
     "numbers": 6,
@@ -60,7 +69,7 @@ _OF_LAYER = {  # colours as numbers of AutoCAD; offices plot by them, so a name 
     "crossings": 200,
 }
 _OTHERS = 3, 4, 5, 6, 8, 22, 34, 54, 94, 134, 140, 174, 194, 200, 230  # for other names
-_NAMES = {  # of colours, for people
+COLOUR_NAMES = {  # of colours, for people
     1: "red",
     3: "green",
     4: "cyan",
@@ -92,7 +101,7 @@ _UNITS = {
     0.001: 4,
     0.01: 5,
 }  # metres of a unit: code of $INSUNITS
-_UNIT_NAMES = {6: "metres", 2: "feet", 21: "US survey feet", 4: "millimetres", 5: "centimetres"}
+UNIT_NAMES = {6: "metres", 2: "feet", 21: "US survey feet", 4: "millimetres", 5: "centimetres"}
 
 
 def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
@@ -218,13 +227,27 @@ def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
         made = drawing.layers.add(name, color=colour)
         if name.endswith(_OF_INDEX):
             made.dxf.lineweight = _HEAVY
+        if name == DASHED:
+            made.dxf.linetype = _dashes(drawing, frame)
     for row, geometry in zip(_rows(frame), frame.geometry, strict=True):
         how = {"layer": _layer_name(row, layer, path)}
+        if is_blank(row):
+            continue
         texts = _texts(row, path)
         for piece in shapely.get_parts(geometry):
             for entity in _written(space, piece, how, row) or _draw(space, piece, how):
                 entity.set_xdata(APPLICATION, texts)
     return drawing
+
+
+def _dashes(drawing: Drawing, frame: geopandas.GeoDataFrame) -> str:
+    """Make the type of broken lines, as long as the texts of a drawing are high; its name."""
+    texts = frame[SIZE].max() if SIZE in frame else np.nan
+    west, south, east, north = frame.total_bounds
+    size = texts if np.isfinite(texts) else max(east - west, north - south) / 1500
+    stroke, gap = (float(part * size) / 2 for part in _DASH)
+    drawing.linetypes.add("DASHED", [stroke + gap, stroke, -gap], description="Dashed __ __ __")
+    return "DASHED"
 
 
 def _rows(frame: geopandas.GeoDataFrame) -> list[dict[Any, Any]]:
@@ -270,7 +293,7 @@ def colour_name(colour: int) -> str:
     >>> colour_name(30)
     'orange (30)'
     """
-    return f"{_NAMES[colour]} ({colour})"
+    return f"{COLOUR_NAMES[colour]} ({colour})"
 
 
 def unit_name(crs: CRS | None) -> str:
@@ -281,7 +304,7 @@ def unit_name(crs: CRS | None) -> str:
     >>> unit_name(CRS(28992)), unit_name(None)
     ('metres', '')
     """
-    return _UNIT_NAMES.get(_unit(crs), "")
+    return UNIT_NAMES.get(_unit(crs), "")
 
 
 def _unit(crs: CRS | None) -> int:
@@ -331,12 +354,74 @@ def _written(space: Any, piece: Any, how: Mapping[str, str], row: Mapping[Any, A
     from ezdxf.enums import TextEntityAlignment
 
     text = row.get(TEXT)
-    if shapely.get_dimensions(piece) != 0 or piece.is_empty or pd.isna(text):
+    if piece.is_empty or pd.isna(text):
         return []
     angle, height = (_number(row.get(name), usual) for name, usual in ((ANGLE, 0.0), (SIZE, _SIZE)))
+    if shapely.get_dimensions(piece) == 1 and len(piece.coords) == 2:
+        return [_dimension(space, piece, str(text), height, shift_of(row), how)]
+    if shapely.get_dimensions(piece) != 0:
+        return []
     (xyz,) = shapely.get_coordinates(piece, include_z=bool(piece.has_z))
     made = space.add_text(str(text), height=height, rotation=angle, dxfattribs=how)
-    return [made.set_placement(xyz, align=TextEntityAlignment.MIDDLE_CENTER)]
+    align = TextEntityAlignment
+    left = row.get(ANCHOR) == "left"
+    return [made.set_placement(xyz, align=align.MIDDLE_LEFT if left else align.MIDDLE_CENTER)]
+
+
+def is_blank(row: Mapping[Any, Any]) -> bool:
+    """Whether a row is a text about a set that says nothing of it, as of its client."""
+    return isinstance(row.get(ABOUT), str) and not isinstance(row.get(TEXT), str)
+
+
+def shift_of(row: Mapping[Any, Any]) -> float:
+    """How far above its line the middle of a dimension's text stands, in heights of the text."""
+    return _number(row.get(SHIFT), ABOVE + 0.5)
+
+
+def _dimension(
+    space: Any, line: Any, text: str, height: float, shift: float, how: Mapping[str, str]
+) -> Any:
+    """Add a dimension whose line this is: CAD measures it, with the decimals of its text.
+
+    Parameters
+    ----------
+    shift : of the middle of the text above the line, in heights of the text
+    """
+    (x0, y0), (x1, y1) = shapely.get_coordinates(line).tolist()
+    look = {
+        "dimtxt": height,
+        "dimtsz": TICK * height,
+        "dimgap": ABOVE * height,
+        "dimtad": 1,  # the text stands above the line
+        "dimtih": 0,  # and along it, also where it is between
+        "dimtoh": 0,
+        "dimse1": 1,  # without lines to what is measured
+        "dimse2": 1,
+        "dimdec": len(text.partition(".")[2]),
+        "dimzin": 0,  # zeros at the end are kept
+        "dimdsep": ord("."),
+        "dimclrd": _BY_LAYER,
+        "dimtmove": 2,  # a text that is moved has no leader
+    }
+    place = None
+    if not math.isclose(shift, ABOVE + 0.5):
+        up = shift * height / math.hypot(x1 - x0, y1 - y0)
+        place = ((x0 + x1) / 2 - up * (y1 - y0), (y0 + y1) / 2 + up * (x1 - x0))
+    made = space.add_linear_dim(
+        base=(x0, y0),
+        p1=(x0, y0),
+        p2=(x1, y1),
+        angle=math.degrees(math.atan2(y1 - y0, x1 - x0)),
+        location=place,
+        dimstyle="Standard",
+        override=look,
+        dxfattribs=dict(how),
+    )
+    made.render()
+    for part in made.dimension.get_geometry_block() or ():
+        if part.dxf.layer == "0":  # of the block, which viewers draw black
+            part.dxf.layer = how["layer"]
+    return made.dimension
 
 
 def _number(value: Any, usual: float) -> float:

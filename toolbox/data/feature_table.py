@@ -1,6 +1,7 @@
-"""Features as CSV: points with columns x, y and z, all others with a column of WKT.
+"""Features as CSV: points with columns x, y and z first, all others with a last column of WKT.
 
-The table has no CRS. Points whose attributes are called x, y or z have WKT, too.
+The table has no CRS. Points whose attributes are called x, y or z have WKT, too. Outlines are long,
+so a spreadsheet shows attributes first.
 
 References
 ----------
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from toolbox.context import log
 from toolbox.data.axis_names import ambiguity, chosen
 from toolbox.data.reading import errors_named
 from toolbox.data.table import Table
@@ -26,11 +28,21 @@ if TYPE_CHECKING:
 
 SUFFIX = ".csv"
 _AXES, _WKT = ("x", "y", "z"), "wkt"
+_COMMA = r"[-+]?\d+,\d+"  # a number where commas stand before the decimals
 _EXACT = 25  # decimals that are given where needed; with 18, small coordinates are not exact
 
 
-def write(frame: geopandas.GeoDataFrame, path: Path, decimals: int | None = None) -> None:
+def write(
+    frame: geopandas.GeoDataFrame,
+    path: Path,
+    decimals: int | None = None,
+    geometry_type: str = "Point",
+) -> None:
     """Write features as a table; coordinates read back exactly unless they have `decimals`.
+
+    Parameters
+    ----------
+    geometry_type : of an empty layer, whose table has the columns of one with such features
 
     Raises
     ------
@@ -41,20 +53,22 @@ def write(frame: geopandas.GeoDataFrame, path: Path, decimals: int | None = None
 
     attributes = pd.DataFrame(frame.drop(columns=frame.geometry.name))
     named = {str(name).lower() for name in attributes}
-    points = (frame.geom_type == "Point") & ~frame.is_empty
-    if points.all() and not named & {*_AXES}:
-        axes = _AXES if frame.has_z.any() else _AXES[:2]
+    kind, *heights = geometry_type.split()
+    points = ((frame.geom_type == "Point") & ~frame.is_empty).all()
+    points = points and (len(frame) > 0 or kind in ("Point", "Unknown"))
+    if points and not named & {*_AXES}:
+        axes = _AXES if frame.has_z.any() or (heights and frame.empty) else _AXES[:2]
         xyz = shapely.get_coordinates(frame.geometry, include_z=True)
         xyz = xyz if decimals is None else xyz.round(decimals)
-        position = pd.DataFrame(xyz[:, : len(axes)], columns=list(axes))
+        parts = [pd.DataFrame(xyz[:, : len(axes)], columns=list(axes)), attributes]
     elif _WKT in named:
         raise DataError(f"{path}: the column of geometries is {_WKT}; rename the attribute")
     else:
         texts = shapely.to_wkt(
             frame.geometry.to_numpy(), rounding_precision=_EXACT if decimals is None else decimals
         )
-        position = pd.DataFrame({_WKT: texts}, dtype=object)
-    Table(pd.concat([position, attributes], axis=1)).save(path)
+        parts = [attributes, pd.DataFrame({_WKT: texts}, dtype=object)]
+    Table(pd.concat(parts, axis=1)).save(path)
 
 
 def read(path: Path) -> geopandas.GeoDataFrame:
@@ -79,7 +93,10 @@ def read(path: Path) -> geopandas.GeoDataFrame:
 
 
 def _frame(path: Path) -> pd.DataFrame:
-    """The rows of a CSV file, whose header has semicolons or tabs if it has no commas."""
+    """The rows of a CSV file, whose header has semicolons or tabs if it has no commas.
+
+    Then commas may stand before the decimals of coordinates, and of all other numbers with them.
+    """
     from toolbox.data import table_files  # and pandas, which only tables need
 
     with path.open(encoding="utf-8-sig", errors="replace") as file:
@@ -88,7 +105,12 @@ def _frame(path: Path) -> pd.DataFrame:
     if not marks or marks[0] == ",":
         return Table.open(path).frame
     with errors_named(f"{path} cannot be read"):
-        return table_files.read_csv(path, marks[0])
+        frame = table_files.read_csv(path, marks[0])
+        places = frame[list(chosen(list(map(str, frame))).values())]
+        if not any(places[name].astype(str).str.fullmatch(_COMMA).any() for name in places):
+            return frame
+        log.warning("%s: commas are read as decimal points", path.name)
+        return table_files.read_csv(path, marks[0], decimal=",")
 
 
 def _coordinates(names: list[str], path: Path) -> list[str]:
@@ -113,7 +135,9 @@ def _positions(
     try:
         found: np.ndarray[tuple[int, int], np.dtype[np.float64]] = frame.to_numpy(np.float64)
     except (ValueError, TypeError) as error:
-        text = f"{path}: coordinates must be numbers, with a point before the decimals"
+        text = (
+            f"{path}: coordinates must be numbers; decimals must all have a point, or all a comma"
+        )
         raise DataError(f"{text}: {error}") from error
     if bad := np.flatnonzero(~np.isfinite(found[:, :2]).all(axis=1)).tolist():
         raise DataError(f"{path}: row {bad[0] + 1} has no position")

@@ -4,6 +4,8 @@ A layer has the fronts and openings of an elevation, as `planes.openings` makes 
 coordinates, to the right and upwards, with the place of their origin and these directions in space
 in attributes of the front. A front becomes an IfcWall, an opening in it an IfcOpeningElement that
 is filled by an IfcDoor or IfcWindow with its width and height; sill and certainty are properties.
+What an opening is stands in the layer alone: of another kind than door or window, such as
+`door or window`, it is filled by an IfcBuildingElementProxy, whose object type is the kind.
 
 How thick a wall is cannot be seen from outside: all have `THICKNESS`, and say that it is assumed.
 The same layer makes the same file: identifiers are hashes of the layer and of what they name.
@@ -16,7 +18,9 @@ ISO 16739-1:2018. Industry Foundation Classes (IFC4).
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +28,7 @@ import shapely
 
 from toolbox.data.extras import IFC
 from toolbox.data.ifc_entities import Entities
+from toolbox.data.layer import day_of
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -33,17 +38,24 @@ if TYPE_CHECKING:
 SUFFIX = ".ifc"
 THICKNESS = 0.3  # metres, of walls whose other side was not seen
 LEAF = 0.05  # metres, of the doors and windows that fill an opening
-WALL, DOOR, EITHER, UNSEEN = "facade", "door", "door or window", "unseen"
+WALL, UNSEEN = "facade", "unseen"
+KINDS = {"door": "IfcDoor", "window": "IfcWindow"}  # others are proxies: nobody knows what they are
 NEEDED = ("kind", "front_id", "opening_id", "width", "height", "sill")
 PLACE = ("corner", "right", "up")  # of a front: attributes with _x, _y, _z
 
 
-def write(frame: geopandas.GeoDataFrame, path: Path, metre: float) -> None:
+def write(
+    frame: geopandas.GeoDataFrame,
+    path: Path,
+    metre: float,
+    head: Mapping[str, str] = MappingProxyType({}),
+) -> None:
     """Write an elevation as IFC4.
 
     Parameters
     ----------
     metre : in the unit of the coordinates
+    head : title, client and date (YYYY-MM-DD) of the set that it belongs to, if they are known
 
     Raises
     ------
@@ -60,7 +72,8 @@ def write(frame: geopandas.GeoDataFrame, path: Path, metre: float) -> None:
     walls = frame[frame["kind"] == WALL]
     corners = walls[[f"corner_{axis}" for axis in "xyz"]].to_numpy(float)
     origin = np.floor(corners.min(axis=0)) if len(walls) else np.zeros(3)
-    building = _Building(Entities(_name_of(frame, corners)), origin, metre)
+    entities = Entities(_name_of(frame, corners), head.get("title", ""), day_of(head))
+    building = _Building(entities, origin, metre, head)
     for _, wall in walls.iterrows():
         own = frame[frame["front_id"] == wall["front_id"]]
         building.front(
@@ -87,16 +100,20 @@ class _Building:
     entities : of the file
     origin : place of the building in the coordinates of the data, in their unit
     metre : in that unit
+    head : title and client
     """
 
-    def __init__(self, entities: Entities, origin: Any, metre: float) -> None:
+    def __init__(
+        self, entities: Entities, origin: Any, metre: float, head: Mapping[str, str]
+    ) -> None:
         self.ifc, self.origin, self.metre = entities, origin, metre
         ifc = entities
-        project = ifc.project("Survey of fronts")
+        title = head.get("title", "")
+        project = ifc.project(title or "Survey of fronts", client=head.get("client"))
         place = ifc.place((origin / metre).tolist())
         site = ifc.root("IfcSite", "Site", ObjectPlacement=place)
         inner = ifc.place((0, 0, 0), within=place)
-        building = ifc.root("IfcBuilding", "Building", ObjectPlacement=inner)
+        building = ifc.root("IfcBuilding", title or "Building", ObjectPlacement=inner)
         self.storey = ifc.root("IfcBuildingStorey", "All storeys", ObjectPlacement=inner)
         for whole, part in ((project, site), (site, building), (building, self.storey)):
             ifc.root("IfcRelAggregates", None, RelatingObject=whole, RelatedObjects=[part])
@@ -114,43 +131,49 @@ class _Building:
             x=right,
         )
         whole = self._scaled(shapely.union_all([wall.geometry, *openings.geometry]))
+        area, bare = whole.area, unseen / self.metre**2
         made = self.ifc.element(
             "IfcWall",
             f"Front {int(wall['front_id'])}",
             place,
             self.ifc.body(whole, depth=THICKNESS),
+            Description=f"{bare:.1f} of its {area:.1f} m2 were not seen; thickness assumed",
             PredefinedType="STANDARD",
         )
         facts = {"ThicknessIsAssumed": True, "Thickness": THICKNESS}
         if (spacing := _number(wall, "spacing")) is not None:
             facts["SpacingOfPoints"] = spacing / self.metre
-        facts["AreaNotSeen"] = unseen / self.metre**2
+        facts["AreaNotSeen"] = bare
         self.ifc.properties(made, "Survey_Wall", facts)
         self.contained.append(made)
         for _, one in openings.iterrows():
             self._opening(made, place, one)
 
     def _opening(self, wall: Any, place: Any, one: pd.Series[Any]) -> None:
-        """Add a hole of the wall, and the door or window that fills it."""
+        """Add a hole of the wall, and what fills it: a door, a window, or nobody knows which."""
         shape, number = self._scaled(one.geometry), int(one["opening_id"])
+        facts, kind = self._facts(one), str(one["kind"])
+        told = described(facts)
         inside = self.ifc.place((0, 0, 0), within=place)
         hole = self.ifc.element(
             "IfcOpeningElement",
             f"Opening {number}",
             inside,
             self.ifc.body(shape, depth=THICKNESS),
+            Description=told,
             PredefinedType="OPENING",
         )
         self.ifc.relation("IfcRelVoidsElement", BuildingElement=wall, OpeningElement=hole)
-        facts = self._facts(one)
-        kind = "Door" if one["kind"] == DOOR else "Window"
+        known = {"OverallWidth": facts["Width"], "OverallHeight": facts["Height"]}
         fill = self.ifc.element(
-            f"Ifc{kind}",
-            f"{kind} {number}",
+            KINDS.get(kind, "IfcBuildingElementProxy"),
+            f"{kind.capitalize()} {number}",
             inside,
             self.ifc.body(shape, depth=LEAF, behind=facts["SetBack"]),
-            OverallWidth=facts["Width"],
-            OverallHeight=facts["Height"],
+            Description=told,
+            ObjectType=kind,
+            Tag=str(number),
+            **(known if kind in KINDS else {}),
         )
         self.ifc.relation("IfcRelFillsElement", OpeningElement=hole, BuildingElement=fill)
         self.ifc.properties(fill, "Survey_Opening", facts)
@@ -159,15 +182,14 @@ class _Building:
     def _facts(self, one: pd.Series[Any]) -> dict[str, Any]:
         """What is told of an opening, lengths in metres; it is set back within the wall."""
         names = {"Width": "width", "Height": "height", "Sill": "sill"}
-        facts: dict[str, Any] = {n: float(one[own]) / self.metre for n, own in names.items()}
+        facts: dict[str, Any] = {"Kind": str(one["kind"])}
+        facts |= {n: float(one[own]) / self.metre for n, own in names.items()}
         back = (_number(one, "set_back") or 0.0) / self.metre
         facts["SetBack"] = min(max(back, 0.0), THICKNESS - LEAF)
         if (sure := _number(one, "certainty")) is not None:
             facts["Certainty"] = sure
         if isinstance(hidden := one.get("hidden"), str) and hidden:
             facts["SidesNotSeen"] = hidden
-        if one["kind"] == EITHER:
-            facts["MayBeDoor"] = True
         return facts
 
     def finished(self) -> str:
@@ -183,6 +205,22 @@ class _Building:
 
     def _scaled(self, shape: Any) -> Any:
         return shapely.transform(shape, lambda xy: xy / self.metre)
+
+
+def described(facts: Mapping[str, Any]) -> str:
+    """What an opening is, how certain that is, and which of its sides were not seen.
+
+    Examples
+    --------
+    >>> described({"Kind": "window", "Certainty": 0.98, "SidesNotSeen": "left"})
+    'window, certainty 98 %; sides not seen, which may be elsewhere: left'
+    """
+    told = str(facts["Kind"])
+    if "Certainty" in facts:
+        told += f", certainty {100 * facts['Certainty']:.0f} %"
+    if "SidesNotSeen" in facts:
+        told += f"; sides not seen, which may be elsewhere: {facts['SidesNotSeen']}"
+    return told
 
 
 def _number(row: pd.Series[Any], name: str) -> float | None:

@@ -11,7 +11,8 @@ import shapely
 from toolbox import __version__
 
 SPACE = uuid.UUID("6f0d3cf2-6a0e-4c5c-9c5b-8b6f8f0a5d11")  # of our identifiers
-STAMP = "1980-01-01T00:00:00"  # of all files, so that the same layer is the same file
+MIDNIGHT = "T00:00:00"  # a file is of a day, so that the same layer is the same file
+NO_DAY = "1980-01-01"  # of files whose day is not told
 UNITS = {
     "LENGTH": "METRE",
     "AREA": "SQUARE_METRE",
@@ -26,14 +27,16 @@ class Entities:
     Parameters
     ----------
     name : of the data; files of other data have other identifiers
+    title : what the file is called within
+    day : YYYY-MM-DD; "" if it is not known
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, title: str = "", day: str = "") -> None:
         import ifcopenshell
 
         self._file = ifcopenshell.file(schema="IFC4")
         header = self._file.header.file_name
-        header.name, header.time_stamp = "", STAMP
+        header.name, header.time_stamp = title, (day or NO_DAY) + MIDNIGHT
         header.preprocessor_version = header.originating_system = f"lidar-toolbox {__version__}"
         self._space = uuid.uuid5(SPACE, name)
         self._count = 0
@@ -56,12 +59,13 @@ class Entities:
         """The file."""
         return str(self._file.to_string())
 
-    def project(self, name: str) -> Any:
-        """The project, to which all belongs, with its units."""
+    def project(self, name: str, client: str | None = None) -> Any:
+        """The project, to which all belongs, with its units, and for whom it is."""
         units = [self._new("IfcSIUnit", UnitType=f"{k}UNIT", Name=n) for k, n in UNITS.items()]
         return self.root(
             "IfcProject",
             name,
+            Description=f"For {client}" if client else None,
             RepresentationContexts=[self._context],
             UnitsInContext=self._new("IfcUnitAssignment", Units=units),
         )

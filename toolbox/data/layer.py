@@ -7,6 +7,7 @@ framework asks of which class a layer is.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from html import escape
 from pathlib import Path
@@ -30,6 +31,19 @@ if TYPE_CHECKING:
 
 Inside = Callable[[NDArray[np.float64], int], NDArray[np.bool_]]
 """Which coordinates along an axis, 0 for x and 1 for y, are those of a tile."""
+
+
+_DAY = re.compile(r"\d{4}-\d\d-\d\d")
+
+
+def day_of(head: Mapping[str, str]) -> str:
+    """The date of a set if it is a day, YYYY-MM-DD as formats ask (RFC 3339); else "".
+
+    >>> day_of({"date": "2026-11-24"}), day_of({"date": "autumn of 2026"})
+    ('2026-11-24', '')
+    """
+    date = head.get("date", "")
+    return date if _DAY.fullmatch(date) else ""
 
 
 @runtime_checkable
@@ -86,6 +100,10 @@ class Layer(Protocol):
 
     def with_crs(self, crs: CRS | str | int | None) -> Self:
         """The same layer, said to be in another CRS; as it is if it has no coordinates."""
+        return self
+
+    def with_head(self, head: Mapping[str, str]) -> Self:
+        """The layer with the title, client and date of the set that it is handed over with."""
         return self
 
     def size(self, inside: Inside | None = None) -> int | None:

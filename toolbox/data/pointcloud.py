@@ -7,7 +7,7 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -330,6 +330,11 @@ class PointCloud(Layer):
     def __contains__(self, name: object) -> bool:
         return name in self.names
 
+    def __setitem__(self, name: str, values: Any) -> NoReturn:
+        """Layers are not changed in place."""
+        how = f"with_attributes({{{name!r}: values}})"
+        raise TypeError(f"layers are not changed in place; {how} gives a new one")
+
     def __getitem__(self, name: str) -> NDArray[Any]:
         """An attribute of n points, or "x", "y" or "z"; read-only.
 
@@ -340,7 +345,14 @@ class PointCloud(Layer):
         ------
         DataError
             There is no such attribute.
+        TypeError
+            It is no name.
         """
+        if not isinstance(name, str):
+            raise TypeError(
+                f"[...] takes the name of an attribute, got {type(name).__name__}; "
+                "select(mask) gives the points of a mask or of indices"
+            )
         if name in self._columns:
             return self._columns[name]
         if name in ("x", "y", "z"):

@@ -153,6 +153,16 @@ class Raster(Layer):
             units=tuple(units),
         )
 
+    @property
+    def _told(self) -> str | None:
+        """The CRS as GDAL is told it.
+
+        Of some compound ones, as EPSG:7415, the WKT of PROJ loses names and codes in GeoTIFF keys.
+        """
+        if self.crs is None or is_local(self.crs):
+            return None
+        return crs_text(self.crs) if self.crs.is_compound else str(self.crs.to_wkt())
+
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
         """The raster file, and what GDAL reads with it: another CRS, overviews, a mask.
@@ -294,7 +304,7 @@ class Raster(Layer):
             "height": lattice.rows,
             "width": lattice.cols,
             "dtype": wanted.name,
-            "crs": None if self.crs is None or is_local(self.crs) else self.crs.to_wkt(),
+            "crs": self._told,
             "transform": lattice.transform,
             "nodata": one._stored(path, wanted)[1],
         }
@@ -475,7 +485,7 @@ class Raster(Layer):
             There is no such band.
         """
         if not 1 <= i <= len(self.values):
-            raise DataError(f"{self.name or 'the raster'} has {len(self.values)} band(s), not {i}")
+            raise DataError(f"{self.name or 'the raster'} has {len(self.values)} bands, not {i}")
         values = self.values[i - 1]
         band: NDArray[np.float64] = values.astype(np.float64)
         if values.dtype.kind != "f" and self.nodata is not None:

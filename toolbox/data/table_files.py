@@ -38,10 +38,16 @@ def write(table: Table, path: Path, layer: str | None, *, add: bool) -> None:
     writers[path.suffix.lower()](table, path)
 
 
-def read_csv(path: Path, separator: str = ",") -> pd.DataFrame:
-    """Read the rows of a CSV file; ValueError if it does not hold a table."""
+def read_csv(path: Path, separator: str = ",", *, decimal: str = ".") -> pd.DataFrame:
+    """Read the rows of a CSV file; ValueError if it does not hold a table.
+
+    Parameters
+    ----------
+    decimal : the mark before the decimals of numbers
+    """
     how = {
         "sep": separator,
+        "decimal": decimal,
         "dtype_backend": "numpy_nullable",
         "keep_default_na": False,
         "na_values": [""],

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Protocol
 
@@ -26,6 +27,8 @@ from toolbox.errors import DataError
 _BLOCK = 250_000  # lines between two reports of progress
 _COMMENTS = ("#", "//")
 _SEPARATORS = ("\t", ";", ",", None)  # None: blanks, as in str.split
+_DECIMALS = (".", ",")
+_UNMARKED = 1000  # lines that are searched for decimals where the first has whole numbers alone
 _ALIASES = {
     "intensity": "intensity,i,scalarintensity",
     "return_number": "returnnumber,returnno,returnnr,scalarreturnnumber",
@@ -83,6 +86,7 @@ class _Table:
     empty : whether there is no point
     unclear : what is not clear about the names of coordinates in the file
     texts : places of columns that hold texts, such as the names of points, and are left out
+    decimal : the mark before the decimals, a point or a comma
     """
 
     names: list[str]
@@ -93,6 +97,7 @@ class _Table:
     empty: bool = False
     unclear: str = ""
     texts: frozenset[int] = frozenset()
+    decimal: str = "."
 
     @property
     def numbers(self) -> list[int]:
@@ -139,7 +144,8 @@ def read_text(
 
     Comments begin with # or //. The first line may hold names, also as a comment; without names
     the first three columns are x, y and z, and the others column4, column5, ... A .pts file may
-    begin with the number of its points. Whole numbers become integers.
+    begin with the number of its points. Whole numbers become integers. Where commas do not separate
+    the columns they may stand before the decimals, as spreadsheets of many countries write them.
 
     Parameters
     ----------
@@ -167,6 +173,8 @@ def read_text(
     if table.texts:
         left = ", ".join(table.names[place] for place in sorted(table.texts))
         log.warning("%s: texts are left out of points: %s", path.name, left)
+    if table.decimal == ",":
+        log.warning("%s: commas are read as decimal points", path.name)
     if table.count not in (None, len(frame)):
         raise DataError(f"{path} promises {table.count} points, and {len(frame)} are there")
     xyz = frame[["x", "y", "z"]].to_numpy(np.float64)
@@ -205,7 +213,23 @@ def _table(path: Path, columns: Sequence[str] | None, separator: str | None) -> 
     elif not table.names:
         table = replace(table, names=_default_names(path, table, comment, content))
     _check_names(path, table, content)
-    return replace(table, comment="/" if comment.startswith("//") else "#", count=count)
+    table = replace(table, comment="/" if comment.startswith("//") else "#", count=count)
+    return table if table.empty else replace(table, decimal=_decimal(path, table))
+
+
+def _decimal(path: Path, table: _Table) -> str:
+    """The mark before decimals; spreadsheets write whole numbers without, so of the first such."""
+    if table.separator == ",":
+        return "."
+    with _text(path) as lines:
+        for line in islice(lines, table.skip, table.skip + _UNMARKED):
+            cells = _cells(line.split(table.comment)[0], table.separator)
+            numbers = [cells[place] for place in table.numbers if place < len(cells)]
+            if any(map(_FLOAT.fullmatch, numbers)):
+                return ","
+            if any("." in cell for cell in numbers):
+                return "."
+    return "."
 
 
 def _begin(
@@ -214,14 +238,15 @@ def _begin(
     """Find the header line among the first lines; without one the names stay empty."""
     for index, (number, text) in enumerate(content):
         header = content[0][1] if index == 1 else ""
-        found = _separator(text, separator) or _beside_texts(header, text, separator)
+        found = _marks(text, separator) or _beside_texts(header, text, separator)
         if found is None:
             continue
-        names = _cells(header, found[0]) if header else []
-        cells = enumerate(_cells(text, found[0]))
-        texts = frozenset(place for place, cell in cells if not _is_number(cell))
+        between, decimal = found
+        names = _cells(header, between) if header else []
+        cells = enumerate(_cells(text, between))
+        texts = frozenset(place for place, cell in cells if not _is_number(cell, decimal))
         unclear = ambiguity(names)
-        return _Table(standard_names(names), found[0], number, unclear=unclear, texts=texts)
+        return _Table(standard_names(names), between, number, unclear=unclear, texts=texts)
     if len(content) == 1 and not any(_is_number(cell) for cell in _split(content[0][1])):
         names = _split(content[0][1], separator)  # a line of names without points
         return _Table(standard_names(names), separator, empty=True)
@@ -230,30 +255,41 @@ def _begin(
     number, text = content[-1]
     hint = ""
     if any(_FLOAT.fullmatch(cell) for cell in re.split(r"[;\s]+", text)):
-        hint = "; decimals must have a point, not a comma"
+        hint = "; decimals must all have a point, or all a comma"
+    elif sum(map(_is_number, text.split())) >= 3:  # names of points, and no header
+        hint = "; columns of texts need a first line with the names of all, such as id x y z"
     raise DataError(f"{path}, line {number + 1}: {text[:60]!r} is not a line of numbers{hint}")
 
 
-def _separator(text: str, separator: str | None) -> tuple[str | None] | None:
-    """The separator that makes three numbers or more of a line, in a tuple; None if none does."""
-    for candidate in (separator,) if separator else _SEPARATORS:
-        cells = _cells(text, candidate)
-        if len(cells) >= 3 and all(_is_number(cell) for cell in cells):
-            return (candidate,)
+def _candidates(separator: str | None) -> Iterator[tuple[str | None, str]]:
+    """Marks between columns and before decimals, in the order in which they are tried."""
+    for decimal in _DECIMALS:
+        for between in (separator,) if separator else _SEPARATORS:
+            if between != decimal:
+                yield between, decimal
+
+
+def _marks(text: str, separator: str | None) -> tuple[str | None, str] | None:
+    """What makes three numbers or more of a line: marks between columns and before decimals."""
+    for between, decimal in _candidates(separator):
+        cells = _cells(text, between)
+        if len(cells) >= 3 and all(_is_number(cell, decimal) for cell in cells):
+            return between, decimal
     return None
 
 
-def _beside_texts(header: str, text: str, separator: str | None) -> tuple[str | None] | None:
-    """The separator of a line whose header names x, y and z, in columns of numbers; or None.
+def _beside_texts(header: str, text: str, separator: str | None) -> tuple[str | None, str] | None:
+    """The marks of a line whose header names x, y and z, in columns of numbers; or None.
 
     The other columns may hold texts, such as the names and codes that surveyors give to points.
     """
-    for candidate in (separator,) if separator else _SEPARATORS:
-        names, cells = _cells(header, candidate), _cells(text, candidate)
+    for between, decimal in _candidates(separator):
+        names, cells = _cells(header, between), _cells(text, between)
         taken = set(chosen(names).values())
-        numbers = {name for name, cell in zip(names, cells, strict=False) if _is_number(cell)}
+        pairs = zip(names, cells, strict=False)
+        numbers = {name for name, cell in pairs if _is_number(cell, decimal)}
         if len(names) == len(cells) and len(taken) == len(AXES) and taken <= numbers:
-            return (candidate,)
+            return between, decimal
     return None
 
 
@@ -266,7 +302,11 @@ def _split(text: str, separator: str | None = None) -> list[str]:
     return _cells(text, separator) if separator else re.split(r"\s*[,;\t]\s*|\s+", text.strip())
 
 
-def _is_number(cell: str) -> bool:
+def _is_number(cell: str, decimal: str = ".") -> bool:
+    if decimal == ",":
+        if "." in cell:
+            return False
+        cell = cell.replace(",", ".")
     try:
         float(cell)
     except ValueError:
@@ -302,9 +342,11 @@ def _check_names(path: Path, table: _Table, content: list[tuple[int, str]]) -> N
         raise DataError(f"{path} has several columns {', '.join(twice)}")
     width = len(names) if table.empty else len(_cells(dict(content)[table.skip], table.separator))
     if width != len(names):
+        twice_as_many = table.separator == "," and width == 2 * len(names)
+        hint = "; where decimals have commas, semicolons must separate columns"
         raise DataError(
             f"{path}, line {table.skip + 1}: {width} values for the {len(names)} columns "
-            f"{', '.join(names)}"
+            f"{', '.join(names)}{hint if twice_as_many else ''}"
         )
 
 
@@ -342,6 +384,7 @@ def _blocks(file: BinaryIO, table: _Table) -> TextFileReader:
     return pd.read_csv(
         file,
         sep=table.separator or r"\s+",
+        decimal=table.decimal,
         header=None,
         dtype=dict.fromkeys(table.texts, str),
         skiprows=table.skip,
@@ -373,14 +416,19 @@ def _explain(path: Path, table: _Table) -> None:
                     f"{path}, line {number + 1}: {len(cells)} values instead of {len(table.names)}"
                 )
             for place in table.numbers:
-                _check_cell(f"{path}, line {number + 1}", table.names[place], cells[place])
+                where = f"{path}, line {number + 1}"
+                _check_cell(where, table.names[place], cells[place], table.decimal)
 
 
-def _check_cell(where: str, name: str, cell: str) -> None:
-    if not _is_number(cell):
-        hint = "; decimals must have a point" if _FLOAT.fullmatch(cell) else ""
+def _check_cell(where: str, name: str, cell: str, decimal: str) -> None:
+    if not _is_number(cell, decimal):
+        hint = ""
+        if decimal == "." and _FLOAT.fullmatch(cell):
+            hint = "; decimals must have a point, as further above"
+        elif decimal == "," and _is_number(cell):
+            hint = "; decimals must have a comma, as further above"
         raise DataError(f"{where}: {name} is {cell!r}, which is not a number{hint}")
-    if name in ("x", "y", "z") and not np.isfinite(float(cell)):
+    if name in ("x", "y", "z") and not np.isfinite(float(cell.replace(",", "."))):
         raise DataError(f"{where}: {name} is {cell}")
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from toolbox import language
 from toolbox.context import QUIET, Context, log
 from toolbox.data import (
     cityjson,
@@ -109,6 +110,7 @@ class Vector(Layer):
         {cityjson.SUFFIX: "buildings with heights", ifc.SUFFIX: "fronts with openings"}
     )
     NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml", ".kmz")  # one of the Earth
+    HEADED: ClassVar[tuple[str, ...]] = (".dxf", ".ifc", cityjson.SUFFIX)  # with title and client
     BALLOONS: ClassVar[tuple[str, ...]] = (".kml", ".kmz")
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "vectors"
@@ -119,6 +121,21 @@ class Vector(Layer):
     ) -> None:
         self._frame, self.name = frame.reset_index(drop=True), name
         self.geometry_type = geometry_type
+        self.head: Mapping[str, str] = {}
+
+    def with_head(self, head: Mapping[str, str]) -> Vector:
+        """The features, to be written with the title, client and date of the set they belong to.
+
+        IFC and CityJSON have places for them; a feature whose attribute `about` names one of them
+        has it as its `text`. What is written beside it is in the language of the set.
+        """
+        frame = self.frame
+        if {"about", "text"} <= set(frame.columns):
+            said = frame["text"].map(language.told, na_action="ignore")
+            frame["text"] = frame["about"].map(head).fillna(said)
+        made = self._of(frame)
+        made.head = dict(head)
+        return made
 
     @property
     def frame(self) -> geopandas.GeoDataFrame:
@@ -253,6 +270,7 @@ class Vector(Layer):
         layer: str | None = None,
         add: bool = False,
         rounded: bool = False,
+        head: Mapping[str, str] = MappingProxyType({}),
         headings: kmz.Headings = MappingProxyType({}),
         record: str = "",
         ctx: Context = QUIET,
@@ -280,6 +298,7 @@ class Vector(Layer):
         add : keep the other layers of a GeoPackage
         rounded : write attributes with the digits that a survey knows, see `toolbox.data.rounding`,
             and coordinates in CSV to the millimetre; geometries in other formats are kept
+        head : title, client and date (YYYY-MM-DD), for DXF, IFC and CityJSON
         headings : of columns by the name of a layer, for the balloons of KML and KMZ
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
@@ -290,6 +309,10 @@ class Vector(Layer):
             The suffix is another, the format cannot hold the layer (its CRS, a mixture of
             geometry types, a value), or the file cannot be written.
         """
+        if head:
+            how: dict[str, Any] = {"layer": layer, "add": add, "rounded": rounded, "ctx": ctx}
+            self.with_head(head).save(path, headings=headings, record=record, **how)
+            return
         path = Path(path)
         suffix = _suffix_of(path)
         if suffix not in self.SUFFIXES:
@@ -330,16 +353,16 @@ class Vector(Layer):
             PARQUET.need()
             frame.to_parquet(path)
         elif suffix == cityjson.SUFFIX:
-            cityjson.write(frame, path)
+            cityjson.write(frame, path, self.head)
         elif suffix == ifc.SUFFIX:
-            ifc.write(frame, path, self.metre)
+            ifc.write(frame, path, self.metre, self.head)
         elif suffix == ".dxf":
             dxf.write(frame, path, layer)
         elif suffix == ".ply":
             mesh.write(frame, path)
         else:
             decimals = rounding.of_places(self.crs) if rounded else None
-            feature_table.write(frame, path, decimals)
+            feature_table.write(frame, path, decimals, self.geometry_type)
 
     def with_crs(self, crs: CRS | str | int | None) -> Vector:
         """The same features, stated to be in another CRS; nothing is transformed."""
@@ -347,7 +370,9 @@ class Vector(Layer):
         return self._of(frame)
 
     def _of(self, frame: geopandas.GeoDataFrame) -> Vector:
-        return Vector(frame, name=self.name, geometry_type=self.geometry_type)
+        made = Vector(frame, name=self.name, geometry_type=self.geometry_type)
+        made.head = self.head
+        return made
 
     @classmethod
     def concat(cls, layers: Sequence[Vector]) -> Vector:

@@ -22,6 +22,7 @@ class Delivered:
     help : what it holds, for its line in the README
     options : of writing, as on the command line
     in_report : whether the report of the set shows the result, too, where it is no output
+    needed : whether the set is not handed over without it, as that would say nothing
     """
 
     file: str
@@ -29,6 +30,7 @@ class Delivered:
     help: str
     options: Mapping[str, Any] = field(default_factory=dict)
     in_report: bool = False
+    needed: bool = False
 
     @property
     def key(self) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 from collections.abc import Callable, Mapping
 from enum import Enum
 from functools import reduce
@@ -118,6 +119,9 @@ class Expression(str):
         return np.broadcast_to(_truth(value), (size,))
 
 
+_ONE_EQUAL = re.compile(r"(?<![=<>!])=(?!=)")
+
+
 def _parsed(text: str) -> ast.expr:
     if len(text) > LONGEST:
         raise ValueError(f"an expression has at most {LONGEST} characters, got {len(text)}")
@@ -126,6 +130,8 @@ def _parsed(text: str) -> ast.expr:
         is_condition = _sort(tree) is Sort.TRUTH or isinstance(tree, ast.Name)
     except SyntaxError as err:
         hint = "write conditions such as 'intensity > 40 and user_data == 3'"
+        if _ONE_EQUAL.search(text):
+            hint = "write == where values are to be equal, such as 'user_data == 3'"
         raise ValueError(f"cannot be read ({err.msg}); {hint}") from None
     except (RecursionError, MemoryError):  # of the parser, or when a node is shown as text
         raise ValueError(TOO_DEEP) from None
@@ -178,7 +184,7 @@ def _sort(node: ast.expr, depth: int = 0) -> Sort:  # noqa: PLR0911, PLR0912  on
             return Sort.TRUTH
         case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS and not node.keywords:
             if len(node.args) != FUNCTIONS[name].nin:
-                raise ValueError(f"{name} takes {FUNCTIONS[name].nin} value(s)")
+                raise ValueError(f"{name} takes {FUNCTIONS[name].nin} values")
             need(Sort.NUMBER, *node.args)
             return Sort.TRUTH if name == "isnan" else Sort.NUMBER
         case ast.Call():

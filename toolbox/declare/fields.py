@@ -12,6 +12,7 @@ from typing import Any, Literal, cast
 from toolbox import __version__
 from toolbox.data.crs import UNITS_OF_LENGTH
 from toolbox.data.report import Column
+from toolbox.data.vector import Vector
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
 from toolbox.declare.show import Show
@@ -30,6 +31,11 @@ MEETS: Mapping[str, Callable[[Any, Any], bool]] = {
     "lt": operator.lt,
     "le": operator.le,
 }
+SHAPES = ("point", "line", "polygon")
+SHAPE_OF = dict.fromkeys(("Point", "MultiPoint"), "point")
+SHAPE_OF |= dict.fromkeys(("LineString", "MultiLineString", "LinearRing"), "line")
+SHAPE_OF |= dict.fromkeys(("Polygon", "MultiPolygon"), "polygon")
+"""What features are, by the names of their geometries; others may be anything."""
 SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
@@ -47,6 +53,7 @@ class Field:
     optional : whether None is a valid value
     of : the source to which an attribute name or expression refers, or whose names dialogs offer
     any_crs : whether the tool itself looks at the CRS of a source
+    shapes : what the features of a source are, some of SHAPES; any if it is empty
     show : how an output is shown in a plot
     label : its title, where the words of the name are not those of its users
     offers : texts that dialogs offer, besides which others are valid
@@ -68,6 +75,7 @@ class Field:
     optional: bool = False
     of: str | None = None
     any_crs: bool = False
+    shapes: tuple[str, ...] = ()
     show: tuple[Show, ...] = ()
     label: str = ""
     offers: tuple[str, ...] = ()
@@ -116,6 +124,16 @@ class Field:
         if self.many and not isinstance(value, tuple):
             return f"must be a tuple, got {value!r}"
         return next(filter(None, map(self._item_problem, self.items(value))), None)
+
+    def shape_problem(self, layer: Any) -> str | None:
+        """Why none of the features can be of use; of what some are wrong the tool decides."""
+        if not (self.shapes and isinstance(layer, Vector)):
+            return None
+        types = sorted(layer.frame.geometry.geom_type.dropna().unique())
+        if not types or any(SHAPE_OF.get(name) in (None, *self.shapes) for name in types):
+            return None
+        wanted = " or ".join(f"{shape}s" for shape in self.shapes)
+        return f"must be {wanted}, {layer.name or 'the layer'} holds a {types[0]}"
 
     def items(self, value: Any) -> tuple[Any, ...]:
         """Split a value into its single values."""

@@ -224,20 +224,24 @@ def _fields(value: Any) -> dict[str, str]:
 
 _ORDERS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y-%m", "%Y")
 
+_SURE = ("%Y/%m/%d", "%d.%m.%Y", "%d-%m-%Y")  # of them, in which all people read the same day
+
 
 def _date(value: Any) -> str:
-    """A date as a user writes it: words are kept as they are, figures must be a day, month, year.
+    """A date as other dates of a report are, year first; words are kept, and dates with slashes.
 
-    >>> _date("14.11.2026"), _date("mid-November 2026")
-    ('14.11.2026', 'mid-November 2026')
+    Which of their numbers is the month depends on who reads them.
+
+    >>> _date("14.11.2026"), _date("mid-November 2026"), _date("03/04/2026")
+    ('2026-11-14', 'mid-November 2026', '03/04/2026')
     """
     text = _text(value).strip()
     if any(map(str.isalpha, text)):
         return text
     for order in _ORDERS:
         with contextlib.suppress(ValueError):
-            datetime.strptime(text, order)
-            return text
+            found = datetime.strptime(text, order)
+            return found.strftime("%Y-%m-%d") if order in _SURE else text
     raise ValueError(f"must be a date, such as 2026-11-14 or 14 November 2026, got {value!r}")
 
 
@@ -261,6 +265,9 @@ OPTIONS: Mapping[str, Option] = {
     "version": Option("Version of LAS to write, 1.0 to 1.4; that of the data by default", _version),
     "format": Option("Point format of LAS to write, 0 to 10; that of the data by default", _format),
     "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
+    "head": Option(
+        "What a drawing says of its project, such as title=Town hall client=City", _fields
+    ),
     "rounded": Option("Write numbers with the digits that a survey knows", _boolean),
     "title": Option("Title of the report", _text),
     "client": Option("For whom the report is made", _text),

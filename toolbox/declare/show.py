@@ -6,14 +6,16 @@ elevation or their intensity, features in one colour, and a table not at all.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeAlias
 
 from toolbox.data import PointCloud, Table, Vector
+from toolbox.data.asprs import COLOURS
 
 Look: TypeAlias = tuple[str, str]
 """Name in the key, and colour such as "#d7261e"."""
+_DARKER = 0.7  # of the brightness of points, that of lines upon them
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,45 @@ class Values(_ByAttribute):
 
 
 @dataclass(frozen=True)
+class OfClass:
+    """Features that are all of one kind of thing, in the colour of the points of its class.
+
+    So trees are not taken for houses, in a plot, on the map of a report or in QGIS.
+
+    Attributes
+    ----------
+    code : of the class, as LAS files number them
+
+    Examples
+    --------
+    >>> COLOURS[9], OfClass(9).colour
+    ('#4a90d0', '#346592')
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (Vector,)
+    optional: ClassVar[bool] = False
+    columns: ClassVar[tuple[str, ...]] = ()
+    numbers: ClassVar[tuple[str, ...]] = ()
+
+    code: int
+
+    def __post_init__(self) -> None:
+        if self.code not in COLOURS:
+            raise TypeError(f"no class of points has the code {self.code}")
+
+    @property
+    def colour(self) -> str:
+        """The colour of the class, darker, so that lines are seen upon its points too."""
+        parts = (int(COLOURS[self.code][at : at + 2], 16) for at in (1, 3, 5))
+        return "#" + "".join(f"{round(part * _DARKER):02x}" for part in parts)
+
+
+def colour_of(shows: Sequence[Show], other: str) -> str:
+    """The one colour that the features of a layer are declared to have; another one if none is."""
+    return next((show.colour for show in shows if isinstance(show, OfClass | Isolines)), other)
+
+
+@dataclass(frozen=True)
 class Isolines:
     """Lines of one number each, such as contours; heavy ones are index lines.
 
@@ -110,6 +151,7 @@ class Isolines:
 
     layers: ClassVar[tuple[Any, ...]] = (Vector,)
     optional: ClassVar[bool] = False
+    colour: ClassVar[str] = "#7a4a1e"  # brown, as on topographic maps
 
     attribute: str
     heavy: str
@@ -309,5 +351,5 @@ class Curve:
 
 
 Show: TypeAlias = (
-    Classes | Planes | Values | Isolines | Texts | Profile | Histogram | Matrix | Curve
+    Classes | Planes | Values | OfClass | Isolines | Texts | Profile | Histogram | Matrix | Curve
 )

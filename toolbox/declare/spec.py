@@ -24,9 +24,10 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.data.layer import Layer
 from toolbox.data.report import Column
+from toolbox.data.vector import Vector
 from toolbox.declare import kinds
 from toolbox.declare.expression import Expression
-from toolbox.declare.fields import MEETS, METRE_POWERS, UNITS, Field, Spec
+from toolbox.declare.fields import MEETS, METRE_POWERS, SHAPES, UNITS, Field, Spec
 from toolbox.declare.show import Show
 from toolbox.errors import DataError, ParameterError, nearest
 from toolbox.labels import LONGEST_TITLE, in_words
@@ -47,21 +48,30 @@ LONGEST = 100  # characters of a help and of a line of a docstring
 
 
 def source(
-    help: str, *, default: Any = dataclasses.MISSING, label: str = "", any_crs: bool = False
+    help: str,
+    *,
+    default: Any = dataclasses.MISSING,
+    label: str = "",
+    any_crs: bool = False,
+    shapes: str | tuple[str, ...] = (),
 ) -> Any:
     """Declare a layer that the tool reads.
 
     One that may be left out is annotated ``X | None`` and has the default None; several of a kind
     are annotated ``tuple[X, ...]``. `label` is its title in dialogs, where the words of its name
     are not those of its users. With `any_crs` the tool itself looks at the CRS of the layer, which
-    may be none, in degrees, or another one than that of the other layers.
+    may be none, in degrees, or another one than that of the other layers. `shapes` says what
+    features must be, "point", "line" or "polygon", or which of these: dialogs offer only such
+    layers. The tool refuses others by itself.
 
     Examples
     --------
     >>> points: PointCloud = source("Points to classify")
     >>> roads: PointCloud | None = source("Points on roads, if they are known", default=None)
+    >>> yards: Vector = source("Yards to leave out", shapes="polygon")
     """
-    meta = {"role": "source", "help": help, "label": label, "any_crs": any_crs}
+    shapes = (shapes,) if isinstance(shapes, str) else shapes
+    meta = {"role": "source", "help": help, "label": label, "any_crs": any_crs, "shapes": shapes}
     return dataclasses.field(default=default, metadata=meta)
 
 
@@ -355,6 +365,10 @@ def _input_mistakes(field: Field) -> Iterator[str]:
         yield f"a {field.kind.word} is a {role}()"
     if field.role == "source" and field.optional and field.required:
         yield "what may be left out has the default None"
+    if wrong := [shape for shape in field.shapes if shape not in SHAPES]:
+        yield f"shapes are {', '.join(SHAPES)}, not {wrong[0]}"
+    if field.shapes and field.kind is not kinds.find(Vector):
+        yield f"a {field.kind.word} has no shapes"
     if not field.required and (problem := field.problem(field.default)):
         yield f"its default {problem}"
 
@@ -408,7 +422,7 @@ def measures_lengths(spec: Spec, values: Mapping[str, Any]) -> bool:
 
 
 def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
-    """The problems of layers: different CRS, or a CRS in which metres have no meaning."""
+    """The problems of layers: different CRS, one in which metres have no meaning, other shapes."""
     found: dict[str, str] = {}
     told: dict[str, str] = {}
     layers = [(n, layer) for n, layer in _layers(spec, values) if not spec.sources[n].any_crs]
@@ -425,9 +439,16 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
         heights = "z" in first.axes and "z" in layer.axes
         if text := crs_conflict(layer.crs, first.crs, heights=heights, tools=layer.tools):
             found[name] = f"{layer.name} {text} of {first_name} {first.name}".strip()
+    found = shape_problems(spec, values) | found
     for name in told.keys() - found.keys():  # else the error says it
         log.warning("%s: %s", name, told[name])
     return found
+
+
+def shape_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
+    """What is wrong with layers of which no feature is of the declared shapes, by input."""
+    found = ((n, spec.sources[n].shape_problem(layer)) for n, layer in _layers(spec, values))
+    return {name: text for name, text in found if text}
 
 
 def _attribute_problems(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

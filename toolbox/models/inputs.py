@@ -7,12 +7,24 @@ from collections.abc import Mapping
 from typing import Any
 
 from toolbox.declare import kinds
-from toolbox.declare.fields import MEETS, UNITS, Field
+from toolbox.declare.fields import MEETS, SHAPES, UNITS, Field
 from toolbox.declare.kinds import Kind
 from toolbox.errors import nearest
 from toolbox.models.model import INPUTS
 
-WORDS = ("type", "help", "label", "default", "unit", "choices", "many", "optional", "of", *MEETS)
+WORDS = (
+    "type",
+    "help",
+    "label",
+    "default",
+    "unit",
+    "choices",
+    "many",
+    "optional",
+    "of",
+    "shapes",
+    *MEETS,
+)
 TYPES = {kind.word: kind for kind in (*kinds.KINDS.values(), kinds.CHOICE)}
 SHOWN = 60  # characters of a wrong value that a message shows
 
@@ -55,6 +67,7 @@ def _field(name: str, says: Mapping[str, Any]) -> Field:
         optional=optional,
         of=says.get("of"),
         label=str(says.get("label", "")),
+        shapes=tuple(says.get("shapes", ())),
     )
 
 
@@ -95,11 +108,22 @@ def _kind_problems(kind: Kind, says: Mapping[str, Any]) -> dict[str, str]:
             found[key] = f"must be true or false, got {short(says[key])}"
     if kind.is_layer and says.get("default") is not None:
         found["default"] = "a layer has none; it may be optional: true"
+    found |= _shapes_problem(kind, says)
     if says.get("of") is not None and kind.word not in ("attribute", "expression"):
         found["of"] = "is for attributes and expressions"
     elif not isinstance(says.get("of"), str | None):
         found["of"] = f"must be the name of a source, got {short(says['of'])}"
     return found
+
+
+def _shapes_problem(kind: Kind, says: Mapping[str, Any]) -> dict[str, str]:
+    """The problem of the shapes that features are to be."""
+    if "shapes" not in says:
+        return {}
+    if kind.word != "Vector" or not _is_list(says["shapes"]):
+        return {"shapes": "is a list, of vector layers"}
+    wrong = [shape for shape in says["shapes"] if shape not in SHAPES]
+    return {"shapes": f"must be of {', '.join(SHAPES)}, got {short(wrong[0])}"} if wrong else {}
 
 
 def _is_list(value: Any) -> bool:

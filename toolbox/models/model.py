@@ -13,6 +13,7 @@ from toolbox.data import PointCloud, Survey
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import find
+from toolbox.declare.spec import shape_problems
 from toolbox.errors import DataError, ParameterError
 
 INPUTS = "inputs"  # stands in a reference for the inputs of the model
@@ -111,6 +112,7 @@ class Model(Spec):
     steps : by name, each after the steps that it refers to
     returns : the reference of each output
     deliver : the files of the set that is handed over
+    handed : values that inputs have for the set unless they are given
     extra : names of steps that run only where one of their results is asked for
     """
 
@@ -118,6 +120,7 @@ class Model(Spec):
     steps: Mapping[str, Step]
     returns: Mapping[str, Reference]
     deliver: tuple[Delivered, ...] = ()
+    handed: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     extra: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
@@ -339,7 +342,8 @@ class ModelRun:
             unmeasurable,
         )  # which look at steps themselves
 
-        if problems := unmeasurable(steps, found) or conflicting(steps, found):
+        problems = unmeasurable(steps, found) or conflicting(steps, found)
+        if problems := problems or shape_problems(self.spec, self.values):
             raise DataError(self.spec.id, problems)
         wanted = {name for r in self.spec.returns.values() for name in r.names} | self.keep
         for index, step in enumerate(steps):

@@ -28,9 +28,9 @@ from toolbox.models.model import INPUTS, Condition, Link, Model, Reference, Step
 
 MODEL_WORDS = ("id", "title", "summary", "help", "tags", "inputs", "steps", "outputs", "deliver")
 NEEDED = ("id", "title", "steps", "outputs")
-DELIVER_WORDS = ("steps", "files")
-FILE_NEEDS, IN_REPORT = ("file", "from", "help"), "in_report"  # of a file of the set ...
-FILE_WORDS = (*FILE_NEEDS, IN_REPORT)  # ... beside the options of writing it
+DELIVER_WORDS = ("values", "steps", "files")
+FILE_NEEDS, FILE_FLAGS = ("file", "from", "help"), ("in_report", "needed")  # of a file ...
+FILE_WORDS = (*FILE_NEEDS, *FILE_FLAGS)  # ... of the set, beside the options of writing it
 STEP_WORDS = ("tool", "when", "repeat")  # of a step, beside the parameters of its tool
 ID = re.compile(rf"{NAME.pattern}(\.{NAME.pattern})+")
 
@@ -92,12 +92,13 @@ class _ModelFile:
                     f"{used[0]!r} is made only where it is handed over"
                 )
         files = self._files(deliver.get("files") or [], outs, steps)
+        handed = self._handed(self._section(deliver, "values"), inputs)
         tags = self._tags(text.get("tags"))
         if self.problems:
             raise ParameterError(str(self.path), self.problems)
         summary = str(text.get("summary", "")).rstrip(".")
         help = str(text.get("help", "")).strip() or f"{title}."
-        how: dict[str, Any] = {"summary": summary, "tags": tags, "deliver": files}
+        how: dict[str, Any] = {"summary": summary, "tags": tags, "deliver": files, "handed": handed}
         how["extra"] = frozenset(extra)
         made = Model(id, title, help, inputs, outs, steps, returns, **how)
         if problems := made.rules({}):
@@ -144,19 +145,32 @@ class _ModelFile:
             if missing := word_problems(where, one, (*FILE_WORDS, *OPTIONS), needed=FILE_NEEDS):
                 self.problems |= missing
                 continue
-            in_report = one.get(IN_REPORT, False)
-            if not isinstance(in_report, bool):
-                self.problems[where] = f"{IN_REPORT} must be true or false, got {short(in_report)}"
+            flags = {word: one.get(word, False) for word in FILE_FLAGS}
+            if wrong := [word for word, flag in flags.items() if not isinstance(flag, bool)]:
+                said = short(flags[wrong[0]])
+                self.problems[where] = f"{wrong[0]} must be true or false, got {said}"
                 continue
             options = {name: value for name, value in one.items() if name not in FILE_WORDS}
             name, output, help = (str(one[word]) for word in FILE_NEEDS)
-            file = Delivered(name, output, help, options, in_report)
+            file = Delivered(name, output, help, options, **flags)
             if problem := None if self._excused(file.output) else file.problem(kinds):
                 self.problems[where] = problem
             elif file.key in {other.key for other in made}:
                 self.problems[where] = f"{file.key!r} is declared twice"
             made.append(file)
         return tuple(made)
+
+    def _handed(self, said: Mapping[str, Any], inputs: Mapping[str, Field]) -> dict[str, Any]:
+        """The values that inputs have for the set unless they are given."""
+        found = {}
+        for name, value in said.items():
+            if name not in inputs:
+                problem: str | None = f"there is no input of that name{nearest(name, inputs)}"
+            else:
+                found[name], problem = model_inputs.parsed(inputs[name], value)
+            if problem:
+                self.problems[f"deliver.values.{name}"] = problem
+        return found
 
     def _tags(self, said: Any) -> tuple[str, ...]:
         """The words that people search for; none if nothing is said."""

@@ -26,16 +26,14 @@ from toolbox.declare.show import (
     Classes,
     Curve,
     Histogram,
-    Isolines,
     Matrix,
     Profile,
     Show,
-    Texts,
     Values,
 )
 from toolbox.errors import DataError, nearest
 from toolbox.pictures.charts import Bars, Curves, Sections
-from toolbox.pictures.features import Coloured
+from toolbox.pictures.features import Coloured, Colouring
 from toolbox.pictures.images import Bounds, Image, cloud_image, raster_image
 from toolbox.pictures.maps import Drawn, Panel, arrange, in_proportion
 from toolbox.pictures.matrix import Square
@@ -132,7 +130,7 @@ def has_something_to_see(layer: Layer, shows: Sequence[Show] = ()) -> bool:
     """Whether a plot can show a layer: it has cells, points or features, or makes a chart."""
     match layer:
         case Raster():
-            return True
+            return bool(np.isfinite(layer.band()).any())
         case PointCloud() | Vector():
             return len(layer) > 0
         case Table():
@@ -152,8 +150,10 @@ def _usable(title: str, layer: Layer, shows: Sequence[Show]) -> tuple[Show, ...]
             found[0] for n in show.numbers if (found := named[n]) and _is_text(layer, found[0])
         ]
         if not missing and not texts:
-            first = named[show.columns[0]][0]
-            usable.append(replace(show, attribute=first) if isinstance(show, Values) else show)
+            if isinstance(show, Values):
+                usable.append(replace(show, attribute=named[show.attribute][0]))
+            else:
+                usable.append(show)
         elif texts or not show.optional:
             word = type(show).__name__.lower()
             why = f"{texts[0]!r} holds no numbers" if texts else _lacks(missing[0], known)
@@ -185,8 +185,7 @@ def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> 
             ways: Sequence[Show | None] = (shows or [None]) if len(layer) else []
             panels += [_of_image(title, layer.crs, cloud_image(layer, way)) for way in ways]
         case Vector():
-            colours = (s for s in shows if isinstance(s, Classes | Values | Isolines | Texts))
-            coloured = layer, next(colours, None)
+            coloured = layer, next((s for s in shows if isinstance(s, Colouring)), None)
             if is_apart(shows):
                 alone: list[Drawn] = []
                 _add_vector(alone, title, coloured)

@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import Vector
-from toolbox.declare.show import Classes, Isolines, Texts, Values
+from toolbox.declare.show import Classes, Isolines, OfClass, Texts, Values
 from toolbox.pictures.images import OTHER, Key, Ramp, ramp_of
 
 _MOST_WORDS = len(OTHER)  # each has a colour of its own
 _RANGES = 6  # of numbers, as classes
 _UNKNOWN = "#9a9a9a"
 
-Coloured = tuple[Vector, Classes | Values | Isolines | Texts | None]
+Colouring = Classes | Values | OfClass | Isolines | Texts
+Coloured = tuple[Vector, Colouring | None]
 """A layer and how it is shown."""
 
 
@@ -55,7 +56,7 @@ def feature_classes(features: Coloured) -> list[tuple[str, str, NDArray[np.bool_
         which = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, _RANGES - 1)
         colours = [to_hex(key.colour_map()((k + 0.5) / _RANGES)) for k in range(_RANGES)]
         classes = [
-            (f"{key.label}: {edges[k]:.3g} to {edges[k + 1]:.3g}", colour, which == k)
+            (f"{key.label}: {key.text(edges[k])} to {key.text(edges[k + 1])}", colour, which == k)
             for k, colour in enumerate(colours)
         ]
         known = np.isfinite(values)

@@ -33,7 +33,10 @@ OTHER = (
 """Colours in turn, of what has none of its own."""
 PALE = 0.45  # how far the colours of planes without a name are from white
 RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
-_NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "hillshade")
+GREY = ("hillshade", "intensity")
+CHANGES = ("differ", "change")
+NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", *GREY)
+"""Words in the descriptions of bands that are drawn in grey, about zero, and without relief."""
 _PIXELS = 1000  # at most, along the longer side of a map
 _MOST_DIGITS = 6  # after the point, of the ends of a ramp
 _MANY = 20  # more distinct values than this are no classes
@@ -141,7 +144,7 @@ def _is_code(name: str) -> bool:
 
 def _is_height(name: str, unit: str, bands: int) -> bool:
     """Whether a band holds heights, which shading suits: no spreads, distances, or other units."""
-    if any(word in name for word in _NO_HEIGHTS):
+    if any(word in name for word in NO_HEIGHTS):
         return False
     attribute, bracket, _ = name.partition(" (")  # as surface.grid names them: "z (linear)"
     named = not bracket or attribute == "z" or "height" in attribute or "elevation" in attribute
@@ -150,7 +153,7 @@ def _is_height(name: str, unit: str, bands: int) -> bool:
 
 def _is_change(name: str, band: Array) -> bool:
     """Whether a band holds changes, whose sign matters: not heights of objects above terrain."""
-    if "differ" in name or "change" in name:
+    if any(word in name for word in CHANGES):
         return True
     known = band[np.isfinite(band)]
     if " minus " not in name or len(known) == 0:
@@ -162,9 +165,7 @@ def _is_change(name: str, band: Array) -> bool:
 def _ramp(name: str, band: Array, label: str) -> Ramp:
     if _is_change(name, band):
         return Ramp.about_zero(band, label)
-    return Ramp.over(
-        band, "gray" if "hillshade" in name or "intensity" in name else "viridis", label
-    )
+    return Ramp.over(band, "gray" if any(word in name for word in GREY) else "viridis", label)
 
 
 def cloud_image(cloud: PointCloud, show: Show | None = None) -> Image:

@@ -13,7 +13,7 @@ from pyproj import CRS
 
 from toolbox.data import Vector
 from toolbox.data.crs import length_problem, vertical_unit
-from toolbox.declare.show import Isolines, Texts
+from toolbox.declare.show import Isolines, Texts, colour_of
 from toolbox.pictures.features import Coloured, feature_colours, feature_key
 from toolbox.pictures.images import LENGTHS, Bounds, Image, Key, Looks, Ramp
 
@@ -297,10 +297,11 @@ def _show_vector(axes: Axes, features: Coloured, bounds: Bounds, *, over: bool) 
         axes.add_collection(LineCollection(lines, colors="#ffffffb0", linewidths=1.8))
     else:
         _fill(axes, polygons)
-    axes.add_collection(LineCollection(lines, colors=_LINE, linewidths=0.8))
+    colour = colour_of((show,) if show else (), _LINE)
+    axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.8))
     points = shapely.get_coordinates(parts[kind == 0])
     size, edge = (3, 0.5) if len(points) <= _FEW else (1.2, 0)  # many, as corners of a line
-    axes.plot(*points.T, "o", ms=size, mfc=_LINE, mec="white", mew=edge, ls="none")
+    axes.plot(*points.T, "o", ms=size, mfc=colour, mec="white", mew=edge, ls="none")
 
 
 def _show_isolines(axes: Axes, vector: Vector, show: Isolines) -> None:

@@ -17,11 +17,11 @@ from toolbox.data import Raster, Report, Table
 from toolbox.data.paths import READABLE, VPC
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import CHOICE, find
-from toolbox.declare.show import Classes, Isolines, Texts
+from toolbox.declare.show import Classes, Isolines, OfClass, Texts
 from toolbox.errors import ParameterError
 from toolbox.labels import in_words
 from toolbox.models.model import Model
-from toolbox.pictures.images import OTHER, POINT_CLASSES, RELIEF
+from toolbox.pictures.images import CHANGES, GREY, NO_HEIGHTS, OTHER, POINT_CLASSES, RELIEF
 from toolbox.shown import DELIVER, README
 
 PROVIDER = "lidartoolbox"
@@ -78,6 +78,7 @@ def _colours() -> dict[str, Any]:
         "classification": [[code, *look] for code, look in POINT_CLASSES.items()],
         "relief": list(RELIEF),
         "other": list(OTHER),
+        "bands": {"grey": list(GREY), "changes": list(CHANGES), "no_heights": list(NO_HEIGHTS)},
     }
 
 
@@ -137,7 +138,8 @@ def field(f: Field) -> dict[str, Any]:
     """The entry of one input or output: its widget, and the rules of its values."""
     label = language.text(f.title)
     made: dict[str, Any] = {"name": f.name, "type": _type(f), "help": language.text(f.help)}
-    if f.unit and f.unit != "1" and made["type"] != "length":
+    asked = f.role != "sink" and made["type"] == "length"  # whose box has the unit beside it
+    if f.unit and f.unit != "1" and not asked:
         label += f" [{f.unit}]"
     made |= {"label": label, "many": f.many}
     if f.role == "sink":
@@ -148,6 +150,7 @@ def field(f: Field) -> dict[str, Any]:
     if made["type"] == "classes":
         made["known"] = [[code, name] for code, (name, _) in POINT_CLASSES.items()]
     made |= {"reads": [*READABLE, VPC]} if made["type"] == "pointcloud" else {}
+    made |= {"shapes": list(f.shapes)} if f.shapes else {}
     made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
     if f.kind is CHOICE:
         made["choices"] = [str(choice) for choice in f.choices]
@@ -173,12 +176,14 @@ def _type(f: Field) -> str:
 
 
 def _shown_as(f: Field) -> dict[str, Any]:
-    """How an output is drawn, as far as QGIS can: by classes, as isolines or as texts."""
+    """How an output is drawn, as far as QGIS can: in colours, as isolines or as texts."""
     for show in f.show:
         match show:
             case Classes():
                 looks = [[value, *look] for value, look in show.looks.items()]
                 return {"classes": {"attribute": show.attribute, "looks": looks}}
+            case OfClass():
+                return {"colour": show.colour}
             case Isolines():
                 return {"isolines": {"attribute": show.attribute, "heavy": show.heavy}}
             case Texts():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.data import Lattice, PointCloud, Raster, Rows, Section, Table
-from toolbox.data.asprs import CLASSES
+from toolbox.data.asprs import class_name
 from toolbox.data.crs import describe_crs, height_system, length_problem, short_unit
 from toolbox.data.report import Column, unit_text
 from toolbox.declare.fields import Spec
@@ -27,6 +27,8 @@ _OF_RASTERS = {
     "Highest": Column("Highest", "", 2),
     "Empty": Column("Empty cells", "%", 1, 100.0),
 }
+
+Became = Mapping[int, Counter[int]]
 
 
 @dataclass(frozen=True)
@@ -100,13 +102,16 @@ def in_words(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) -
     if not known:
         return ""
     sizes = {f"{one.cell:.4g} {one.length}".rstrip() for one in known.values()}
-    ranges = (
-        f"{words.titled(spec.outputs[name])} {one.lowest:.2f} to {one.highest:.2f} "
-        f"{unit_text(one.unit)}".rstrip()
-        + f", {100 * one.empty:.1f} % of its cells empty"
-        for name, one in known.items()
-    )
-    return f"Rasters with cells of {' and '.join(sorted(sizes))}: {'; '.join(ranges)}."
+    head = f"Rasters have cells of {' and '.join(sorted(sizes))}."
+    ranges = (_range(words.titled(spec.outputs[name]), one) for name, one in known.items())
+    return f"{head} {'; '.join(ranges)}."
+
+
+def _range(title: str, one: Cells) -> str:
+    """The values of a raster, in a piece that can be translated by itself."""
+    highest = f"{one.highest:.2f} {unit_text(one.unit)}".rstrip()
+    share = 100 * one.empty
+    return f"{title} from {one.lowest:.2f} to {highest}, {share:.1f} % of its cells empty"
 
 
 def rasters(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) -> list[Section]:
@@ -114,7 +119,7 @@ def rasters(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) ->
 
     Parameters
     ----------
-    files : names of the files that hold them
+    files : names of the files that hold them; what is empty and in none is left out
     """
     rows = [
         {
@@ -124,15 +129,16 @@ def rasters(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) ->
             "Cell": one.cell,
             "Rows": one.rows,
             "Columns": one.columns,
-            "Unit": one.unit,
+            "Unit": unit_text(one.unit),
             "Lowest": one.lowest,
             "Highest": one.highest,
             "Empty": one.empty,
         }
         for name, one in cells.items()
+        if name in files or one.lowest is not None or not files
     ]
     first = next(iter(cells.values()), None)
-    if first is None:
+    if first is None or not rows:
         return []
     crs, columns = first.crs, {**_OF_RASTERS, "Cell": Column("Cell", first.length, 2)}
     caption = "" if crs is None else f"{describe_crs(crs)}; heights: {height_system(crs)}"
@@ -140,22 +146,66 @@ def rasters(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) ->
 
 
 def classes(spec: Spec, after: Mapping[str, Counter[int]], before: Counter[int]) -> list[Section]:
-    """Section with the points of each class, before and after a run that classified them."""
+    """Section with the points of each class, before and after a run that classified them.
+
+    Of a part of the points nothing is said of before: these were not all of a class.
+    """
+    whole = {name for name, counts in after.items() if counts.total() == before.total()}
     rows = [
         {
             **({"Points": words.titled(spec.results[name])} if len(after) > 1 else {}),
             "Class": code,
-            "Name": CLASSES.get(code, ""),
-            **({"Before": before.get(code, 0)} if before else {}),
-            "After": counts.get(code, 0),
-            "Share": counts.get(code, 0) / counts.total(),
+            "Name": class_name(code),
+            **({"Before": before[code] if name in whole else None} if whole else {}),
+            **({"After": counts[code]} if whole else {"Number": counts[code]}),
+            "Share": counts[code] / counts.total(),
         }
         for name, counts in after.items()
-        for code in sorted({*counts, *before})
+        for code in sorted({*counts, *(before if name in whole else ())})
     ]
     return (
         [Section("Points by class", [Rows(Table.from_rows(rows), columns=_SHARE)])] if rows else []
     )
+
+
+def given_up(before: Counter[int], after: Counter[int], became: Became) -> Iterator[str]:
+    """What is said of classes of the input that no point has any more.
+
+    Parameters
+    ----------
+    became : how many points of a class have which other class now, as far as it is known
+    """
+    gone = sorted(set(before) - set(after)) if before.total() == after.total() else []
+    if gone:
+        yield f"Classes of the input that no point has any more: {_gone(gone, before, became)}."
+
+
+def _gone(gone: Sequence[int], before: Counter[int], became: Became) -> str:
+    told = []
+    for code in gone:
+        now = [f"{class_name(k)} {n}" for k, n in became.get(code, Counter()).most_common()]
+        to = f", now {', '.join(now)}" if now else ""
+        told.append(f"{code} ({class_name(code)}, points: {before[code]}{to})")
+    return "; ".join(told)
+
+
+def became(before: Any, after: Any) -> Became:
+    """How many points of each class have which class after a run that kept points and their order.
+
+    Nothing of layers that are no points, or other ones.
+    """
+    clouds = [one for one in (before, after) if isinstance(one, PointCloud)]
+    if len(clouds) < 2 or not all("classification" in one for one in clouds):
+        return {}
+    first, second = clouds
+    if len(first) != len(second) or not np.array_equal(first["x"], second["x"]):
+        return {}
+    both = np.column_stack([one["classification"] for one in clouds])
+    pairs, counts = np.unique(both, axis=0, return_counts=True)
+    found: dict[int, Counter[int]] = {}
+    for (old, new), count in zip(pairs.tolist(), counts.tolist(), strict=True):
+        found.setdefault(old, Counter())[new] = count
+    return found
 
 
 def by_class(layer: Any) -> Counter[int]:

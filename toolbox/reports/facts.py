@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pyproj import CRS
 
 from toolbox import __version__, language
 from toolbox.data import PointCloud, Survey
-from toolbox.data.crs import describe_crs, height_system, is_local
+from toolbox.data.crs import (
+    describe_crs,
+    height_system,
+    is_local,
+    length_problem,
+    metres_per_unit,
+    short_unit,
+)
 from toolbox.data.layer import Layer
 from toolbox.data.report import unit_text
 from toolbox.declare.fields import Spec
@@ -30,7 +37,7 @@ def facts_of(
     layers = [layer for value in (*given.values(), *found.values()) for layer in _each(value)]
     facts = [("Date of the survey", survey_date(layers)), *_places(layers)]
     facts += [("Input", text) for text in _inputs(record)]
-    facts += [("Settings", text) for text in [chosen_settings(spec, record)] if text]
+    facts += [("Settings", text) for text in [chosen_settings(spec, record, layers)] if text]
     facts += [("Made with", f"lidar-toolbox {__version__}, {spec.id}")]
     return tuple((name, text) for name, text in facts if text)
 
@@ -74,8 +81,11 @@ def _inputs(record: Record | None) -> Iterator[str]:
             yield f"{words.title_of(name)}: {', '.join(files[:_MOST_FILES])}{more}"
 
 
-def chosen_settings(spec: Spec, record: Record | None) -> str:
-    """The settings that differ from their defaults, and those that must always be told."""
+def chosen_settings(spec: Spec, record: Record | None, layers: Sequence[Layer] = ()) -> str:
+    """The settings that differ from their defaults, and those that must always be told.
+
+    Lengths are told in metres, and in the unit of the first layer that has another one.
+    """
     if record is None:
         return ""
     parts = []
@@ -86,6 +96,17 @@ def chosen_settings(spec: Spec, record: Record | None) -> str:
         default = None if field.required else field.to_json(field.default)
         if value is not None and (value != default or name in _ALWAYS):
             unit = "" if isinstance(value, str) else unit_text(field.unit)
-            title = language.text(field.title)
-            parts.append(f"{title} {words.setting_text(value)} {unit}".strip())
+            title, shown = language.text(field.title), words.setting_text(value)
+            shown = language.text(shown) if isinstance(value, bool) else shown
+            own = _in_own_unit(value, field.unit, layers)
+            parts.append(f"{title} {shown} {unit}".strip() + own)
     return "; ".join(parts)
+
+
+def _in_own_unit(value: Any, unit: str | None, layers: Sequence[Layer]) -> str:
+    """A length in the unit of the data, in brackets; "" where these are in metres."""
+    crs: CRS | None = next((x.crs for x in layers if x.is_spatial and x.crs is not None), None)
+    if unit != "m" or not isinstance(value, float | int) or crs is None or length_problem(crs):
+        return ""
+    name = short_unit(crs)
+    return "" if name == "m" else f" ({value / metres_per_unit(crs):.4g} {name})"

@@ -14,18 +14,23 @@ from toolbox.pictures.maps import INK, round_length
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_DPI, _WIDTH = 130, 7.2  # inches
+_DPI, WIDTH = 150, 7.2  # inches
+HALF = 3.9  # inches of a map that stands beside another, so that its texts are as large
+_LINE, _THIN = 1.3, 0.5  # points
+_BELOW = 0.45  # inches from a map to its key
+_BAR = 0.07, 0.42  # inches: height of a ramp of colours, and what it takes with its texts
 _TALLEST, _FLATTEST = 1.25, 0.35  # height to width
 _ROOM = "#e9edf1"
 
 
-def map_png(data: Mapping[str, Any], image: Image | None) -> bytes:
+def map_png(data: Mapping[str, Any], image: Image | None, width: float = WIDTH) -> bytes:
     """The map as a PNG.
 
     Parameters
     ----------
     data : as the page draws it, see `toolbox.reports.maps`
     image : what lies below; None for nothing
+    width : in inches
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -33,10 +38,10 @@ def map_png(data: Mapping[str, Any], image: Image | None) -> bytes:
     west, south, east, north = _in_proportion(data["bounds"])
     x0, y0 = data["x0"], data["y0"]
     shape = (north - south) / (east - west)
-    tall = _WIDTH * shape + 0.5
-    figure = Figure(figsize=(_WIDTH, tall), facecolor="white")
+    tall = width * shape + 0.5
+    figure = Figure(figsize=(width, tall), facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.08, 0.45 / tall, 0.9, 0.9 * _WIDTH * shape / tall))
+    axes = figure.add_axes((0.08, _BELOW / tall, 0.9, 0.9 * width * shape / tall))
     axes.set_facecolor(_ROOM)
     if image is not None:
         left, bottom, right, top = image.bounds
@@ -48,12 +53,19 @@ def map_png(data: Mapping[str, Any], image: Image | None) -> bytes:
     axes.set_xlabel(data["axes"][0], fontsize=7, color=INK)
     axes.set_ylabel(data["axes"][1], fontsize=7, color=INK)
     axes.ticklabel_format(useOffset=False, style="plain")
-    axes.locator_params(nbins=5)
+    axes.locator_params(nbins=5 if width > HALF else 3)
     axes.tick_params(labelsize=6.5, colors=INK, length=2.5, width=0.5)
     _scale(axes, data, east - west)
+    below = -_BELOW / (0.9 * width * shape)
+    if image is not None and isinstance(image.key, Ramp):
+        _ramp(axes, image.key, below, 0.9 * width * shape)
+        below -= _BAR[1] / (0.9 * width * shape)
     if handles := [*_of_layers(data["layers"]), *_of_image(image)]:
-        key = axes.legend(handles=handles, loc="upper left", ncols=3, fontsize=7, frameon=False)
-        key.set_bbox_to_anchor((0, -0.45 / (_WIDTH * shape)))
+        columns = 3 if width > HALF else 2
+        key = axes.legend(
+            handles=handles, loc="upper left", ncols=columns, fontsize=7, frameon=False
+        )
+        key.set_bbox_to_anchor((0, below))
     made = io.BytesIO()
     how: dict[str, Any] = {"bbox_inches": "tight", "metadata": {"Software": None}}
     figure.savefig(made, dpi=_DPI, format="png", **how)
@@ -86,7 +98,22 @@ def _draw(axes: Axes, group: Mapping[str, Any], x0: float, y0: float) -> None:
     if group["shape"] == "area":
         areas = [Path.make_compound_path(*(Path(p, closed=True) for p in f)) for f in features]
         axes.add_collection(PathCollection(areas, facecolor=f"{colour}33", edgecolor="none"))
-    axes.add_collection(LineCollection(flat, colors=colour, linewidths=1.3, zorder=3))
+    wide = _THIN if group.get("thin") else _LINE
+    axes.add_collection(LineCollection(flat, colors=colour, linewidths=wide, zorder=3))
+
+
+def _ramp(axes: Axes, key: Ramp, below: float, tall: float) -> None:
+    """The colours of continuous values under a map, with the numbers of ends and middle."""
+    bar = axes.inset_axes((0.0, below - _BAR[0] / tall, 0.5, _BAR[0] / tall))
+    bar.imshow(np.linspace(0, 1, 256)[np.newaxis], aspect="auto", cmap=key.colour_map())
+    middle = (key.low + key.high) / 2
+    bar.set_xticks([0, 127.5, 255], [key.text(v) for v in (key.low, middle, key.high)])
+    bar.set_yticks([])
+    bar.tick_params(labelsize=6.5, colors=INK, length=2, width=0.5)
+    bar.spines[:].set_linewidth(0.3)
+    axes.annotate(
+        key.label, (0.52, below), xycoords="axes fraction", fontsize=7, color=INK, va="top"
+    )
 
 
 def _scale(axes: Axes, data: Mapping[str, Any], width: float) -> None:
@@ -122,17 +149,10 @@ def _of_layers(layers: Sequence[Mapping[str, Any]]) -> Iterator[Any]:
 
 
 def _of_image(image: Image | None) -> Iterator[Any]:
-    """The key of the image; of continuous colours the ends and the middle."""
+    """The key of an image with classes."""
     from matplotlib.patches import Patch
 
-    if image is None:
+    if image is None or isinstance(image.key, Ramp):
         return
-    looks: list[tuple[str, Any]]
-    if isinstance(key := image.key, Ramp):
-        colours, span = key.colour_map(), key.high - key.low
-        shares = (0.0, 0.5, 1.0)
-        looks = [(f"{key.label}: {key.text(key.low + s * span)}", colours(s)) for s in shares]
-    else:
-        looks = list(key.values())
-    for name, colour in looks:
+    for name, colour in image.key.values():
         yield Patch(facecolor=colour, edgecolor="#00000033", label=name)

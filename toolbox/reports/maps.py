@@ -17,7 +17,7 @@ from toolbox.data.crs import crs_conflict, is_local, length_problem, vertical_un
 from toolbox.data.layer import Layer
 from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
-from toolbox.declare.show import Classes, Show, Values
+from toolbox.declare.show import Classes, Isolines, Show, Values, colour_of
 from toolbox.pictures.draw import Shown, drawable, is_apart
 from toolbox.pictures.features import feature_classes
 from toolbox.pictures.images import (
@@ -30,7 +30,7 @@ from toolbox.pictures.images import (
     raster_image,
 )
 from toolbox.reports import words
-from toolbox.reports.map_picture import map_png
+from toolbox.reports.map_picture import HALF, map_png
 
 DRAWING = "Drawing: "  # before the name of a layer that has a map of its own
 _MOST_BASES, _QUALITY = 8, 82  # images that can lie below, and of these in WebP
@@ -39,6 +39,7 @@ _CROWDED = 500  # points of a layer, such as corners of outlines, that would hid
 _FINEST = 20_000  # steps of coordinates in the width of the map
 _MARGIN = 0.04  # around what is drawn
 _SHAPES = ("area", "line", "point")  # by how they lie over each other
+_DEEP, _LOW = 1 / 3, 1 / 5  # of a wall: depth over height, and height over length of no wire
 _BRIGHT = (Values("intensity", "Intensity"),)
 _COLOURS = ("#0b5fa5", "#d7261e", "#8e3fa8", "#e08a00", "#00806b", "#b0306a", "#5a6b00", "#6b4a2f")
 """Of layers that say none; each is seen on light and on dark, and none comes twice."""
@@ -64,7 +65,8 @@ def maps_of(
     waiting |= {n: (v, ()) for n, v in given.items() if isinstance(v, Vector) and len(v)}
     if bases:
         together = _together(bases[0][1].bounds, bases[0][2], waiting)
-        yield "Map", _map(bases, together, titles)
+        if not _is_upright([layer for layer, _ in together.values()]):
+            yield "Map", _map(bases, together, titles)
         waiting = {n: pair for n, pair in waiting.items() if n not in together}
     while waiting:
         name, (layer, _) = next(iter(waiting.items()))
@@ -73,6 +75,20 @@ def maps_of(
         if np.isfinite(layer.bounds).all():
             title = f"{DRAWING}{titles[name].lower()}" if bases else "Map"
             yield title, _map([], together, titles)
+
+
+def _is_upright(layers: Sequence[Layer]) -> bool:
+    """Whether all features stand on one line of the ground, as of a wall: a map shows a stroke."""
+    frames = [layer.frame.geometry.to_numpy() for layer in layers if isinstance(layer, Vector)]
+    shapes = np.concatenate(frames) if frames else np.empty(0, object)
+    xyz = shapely.get_coordinates(shapes, include_z=True)
+    if len(xyz) < 3 or not np.isfinite(xyz).all():
+        return False
+    box = shapely.minimum_rotated_rectangle(shapely.multipoints(xyz[:, :2]))
+    corners = shapely.get_coordinates(box)
+    sides = np.hypot(*np.diff(corners, axis=0).T) if len(corners) == 5 else np.ptp(corners, axis=0)
+    height = float(np.ptp(xyz[:, 2]))
+    return bool(min(sides) < height * _DEEP and height > max(sides) * _LOW)
 
 
 def _together(extent: Bounds, first: Layer, layers: Mapping[str, Shown]) -> dict[str, Shown]:
@@ -118,7 +134,7 @@ def _others(data: Mapping[str, Any], bases: Sequence[Base]) -> Iterator[Figure]:
     for number, (name, image, layer, _) in enumerate(bases):
         if number and isinstance(layer, Raster):
             alone = {**data, "bases": [data["bases"][number]], "layers": []}
-            yield Figure(map_png(alone, image), name)
+            yield Figure(map_png(alone, image, width=HALF), name)
 
 
 def _bases(
@@ -190,8 +206,9 @@ def _overlays(
         groups = [
             {
                 "name": text,
-                "colour": colour or next(colours),
+                "colour": colour or colour_of(shows, next(colours)),
                 "shape": shape,
+                "thin": any(isinstance(show, Isolines) for show in shows),
                 "features": features,
             }
             for text, colour, own in _classes(layer, show, titles[name])
@@ -201,8 +218,11 @@ def _overlays(
             table = words.anchor_of(name)
             hidden = kept > _CROWDED and {g["shape"] for g in groups} == {"point"}
             title = titles[name]
-            made.append({"name": title, "table": table, "groups": groups, "hidden": hidden})
-    return sorted(made, key=_height), left_out
+            layer_data = {"name": title, "table": table, "groups": groups, "hidden": hidden}
+            made.append((show is not None, layer_data))
+    # What has colours of its own lies above what has not: errors above their checkpoints.
+    made.sort(key=lambda one: (_height(one[1]), one[0]))
+    return [layer_data for _, layer_data in made], left_out
 
 
 def _height(layer: Mapping[str, Any]) -> int:

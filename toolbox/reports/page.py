@@ -107,7 +107,11 @@ def said(
     summary = "\n".join(filter(None, summaries or [rasters, *told.words])) or words.generic(
         spec, found
     )
-    unseen = [*told.unseen, *(text for report in reports for text in report.head.unseen)]
+    unseen = [
+        *_given_up(spec, found, told),
+        *told.unseen,
+        *(text for report in reports for text in report.head.unseen),
+    ]
     facts = facts_of(spec, found, record, told.given)
     return summary, _head(facts, told.warnings, unseen)
 
@@ -173,12 +177,27 @@ def _layers(spec: Spec, found: Mapping[str, Any]) -> dict[str, Layer]:
 def _counted(spec: Spec, layers: Mapping[str, Layer], told: Told) -> list[Section]:
     """The sections with figures of rasters, and of points by class, in memory or in tiles."""
     cells = _cells(layers, told)
-    clouds = [*layers.items(), *told.given.items()]
-    points = {n: counts for n, x in clouds if (counts := counted.by_class(x))} | {**told.by_class}
+    points = _points(layers, told)
     after = {n: points[n] for n in spec.results if n in points}
     before = next((points[n] for n in spec.sources if n in points), Counter[int]())
     rasters = counted.rasters(spec, {n: cells[n] for n in spec.results if n in cells}, told.files)
     return [*rasters, *counted.classes(spec, after, before)]
+
+
+def _points(found: Mapping[str, Any], told: Told) -> dict[str, Counter[int]]:
+    """The points of each class of the clouds of a run, those that were given too."""
+    clouds = [*found.items(), *told.given.items()]
+    return {n: counts for n, x in clouds if (counts := counted.by_class(x))} | {**told.by_class}
+
+
+def _given_up(spec: Spec, found: Mapping[str, Any], told: Told) -> Iterator[str]:
+    """What is said of classes of the input that the classified points do not have."""
+    points = _points(found, told)
+    before = next((n for n in spec.sources if n in points), None)
+    after = next((n for n in spec.results if n in points and n in found), None)
+    if before and after:
+        became = counted.became(told.given.get(before), found[after])
+        yield from counted.given_up(points[before], points[after], became)
 
 
 def _cells(layers: Mapping[str, Any], told: Told) -> dict[str, Cells]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from toolbox import language
+from toolbox.data.report.prose import sentence
 from toolbox.declare.fields import Spec
 from toolbox.reports.page import Told, said
 
@@ -95,7 +96,8 @@ def readme(
     lines += _section("Not looked at", known.unseen)
     lines += [*_underlined("Files"), *_files(there)]
     absent = [
-        f"{entry.file}: {language.told(entry.help)}. {language.told(entry.left_out)}"
+        f"{entry.file}{f', {entry.layer}' if entry.layer else ''} ({language.told(entry.help)}): "
+        f"{language.told(entry.left_out)}"
         for entry in entries
         if entry.left_out
     ]
@@ -121,7 +123,9 @@ def _section(title: str, texts: Iterable[str]) -> list[str]:
     made = [
         line
         for text in said
-        for line in _wrapped(text, _WIDTH, initial_indent="- ", subsequent_indent="  ")
+        for line in textwrap.wrap(
+            sentence(language.told(text)), _WIDTH, initial_indent="- ", subsequent_indent="  "
+        )
     ]
     return [*_underlined(title), *made] if made else []
 
@@ -131,9 +135,9 @@ def _underlined(title: str, line: str = "-") -> list[str]:
     return ["", said, line * len(said)]
 
 
-def _wrapped(text: str, width: int, **indents: str) -> list[str]:
+def _wrapped(text: str) -> list[str]:
     """A text in the language of the user, in lines."""
-    return textwrap.wrap(language.told(text), width, **indents)  # type: ignore[arg-type]
+    return textwrap.wrap(language.told(text), _WIDTH)
 
 
 def _files(entries: Sequence[Entry]) -> Iterator[str]:
@@ -164,10 +168,16 @@ def _drawings(entries: Sequence[Entry]) -> Iterator[str]:
         text = f"{entry.file}: {unit}; layer, colour (its number in CAD) [features]"
         yield language.told(text)
         layers = [
-            (f"    {name}", f"{colour} [{count:,}]")
+            (f"    {name}", f"{_colour(colour)} [{count:,}]")
             for name, colour, count in sorted(entry.drawn, key=lambda one: one[0])
         ]
         yield from _pairs(layers)
+
+
+def _colour(said: str) -> str:
+    """The name of a colour in the language of the user, and its number in CAD."""
+    name, mark, number = said.partition(" (")
+    return f"{language.told(name)}{mark}{number}"
 
 
 def _columns(entries: Sequence[Entry]) -> Iterator[str]:
@@ -192,7 +202,7 @@ def _columns(entries: Sequence[Entry]) -> Iterator[str]:
     if joined:
         named = " and ".join(entry.file for entry in joined)
         text = f"{named}: the columns of the layers above that they join, in `layer` by name"
-        yield from _wrapped(text, _WIDTH)
+        yield from _wrapped(text)
 
 
 def _is_joined(entry: Entry, entries: Sequence[Entry]) -> bool:
@@ -217,4 +227,4 @@ def _how(spec: Spec) -> list[str]:
         "the file again and says whether it is the same. Numbers in [brackets] count points, "
         "features, rows, or cells with a value."
     )
-    return _wrapped(text, _WIDTH)
+    return _wrapped(text)

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from toolbox.data import Vector
-from toolbox.declare.show import Classes, Values
+from toolbox.declare.show import Classes, Values, colour_of
 from toolbox.pictures.features import feature_classes
 from toolbox.pictures.views import Item
 from toolbox.reports import words
@@ -24,19 +24,19 @@ Floats = NDArray[np.float64]
 
 
 def items_of(
-    name: str, layer: Vector, shows: Any, origin: Floats, colours: Iterator[str]
+    name: str, title: str, layer: Vector, shows: Any, origin: Floats, colours: Iterator[str]
 ) -> Iterator[Item]:
     """The features of a layer that have heights, an item for each class and shape.
 
     Parameters
     ----------
+    name, title : of the layer, and its heading
     origin : of shape (3,), which is subtracted
     colours : of layers that say none
     """
-    title = words.title_of(name)
     show = next((s for s in shows if isinstance(s, Classes | Values)), None)
     classes = (feature_classes((layer, show)) if show else None) or [
-        (title, next(colours), np.ones(len(layer), bool))
+        (title, colour_of(shows, next(colours)), np.ones(len(layer), bool))
     ]
     shapes = layer.frame.geometry.to_numpy()
     for text, colour, own in classes:

@@ -65,15 +65,17 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
     scene = _Scene.of(shown, given)
     if scene is None:
         return None
-    items = list(_points(scene.name, scene.cloud, scene.show, scene.origin, most=_MOST, size=1.6))
+    titles = {name: words.titled(field) for name, field in {**spec.sources, **spec.results}.items()}
+    title = titles[scene.name]
+    items = list(_points(title, scene.cloud, scene.show, scene.origin, most=_MOST, size=1.6))
     for name, (layer, shows) in shown.items():
         if isinstance(layer, PointCloud) and len(layer) < 0.5 * len(scene.cloud):
             show = shows[0] if shows else None
-            items += _points(name, layer, show, scene.origin, most=_MOST_MARKED, size=3.5)
+            items += _points(titles[name], layer, show, scene.origin, most=_MOST_MARKED, size=3.5)
     colours = iter(_COLOURS * 4)
     for name, (layer, shows) in shown.items():
         if isinstance(layer, Vector) and _belongs(layer, scene.cloud):
-            items += items_of(name, layer, shows, scene.origin, colours)
+            items += items_of(name, titles[name], layer, shows, scene.origin, colours)
     towards = direction_of(scene.cloud, _planes(scene.show))
     span = np.concatenate([item.xyz for item in items if item.kind == "points"])
     step = max(float(np.abs(span).max()) / _STEPS, 0.001)
@@ -140,13 +142,12 @@ def _thinned(cloud: PointCloud, most: int) -> PointCloud:
 
 
 def _points(
-    name: str, cloud: PointCloud, show: Show | None, origin: Floats, *, most: int, size: float
+    title: str, cloud: PointCloud, show: Show | None, origin: Floats, *, most: int, size: float
 ) -> Iterator[Item]:
     """The points of a layer, an item for each class."""
     some = _thinned(cloud, most)
     xyz = some.xyz - origin
     values, key = point_key(some, show if not isinstance(show, Values) or len(some) else None)
-    title = words.title_of(name)
     if isinstance(key, Ramp):
         share = np.nan_to_num(np.clip((values - key.low) / (key.high - key.low), 0, 1))
         yield Item("points", title, "", xyz, size=size, share=share, ramp=key)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from toolbox import language
 from toolbox.data.crs import vertical_unit
 from toolbox.data.layer import Layer
 from toolbox.data.report import Column, unit_text
@@ -127,7 +128,9 @@ def generic(spec: Spec, found: Mapping[str, Any]) -> str:
         if field.kind.is_layer or value is None:
             continue
         text, unit = result_text(value, field.unit, field.help)
-        parts.append(f"{field.help[:1].lower()}{field.help[1:]}: {text} {unit}".rstrip())
+        help = language.text(field.help)
+        help = f"{help[:1].lower()}{help[1:]}" if help == field.help else help
+        parts.append(f"{help}: {text} {unit}".rstrip())
     if not parts:
         return f"{spec.title}: the results are on the map and in the tables below."
     said = "; ".join(parts)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from toolbox.context import log
+from toolbox.data.crs import length_problem
 from toolbox.data.lattice import in_plan
 from toolbox.data.layer import Layer
 from toolbox.data.reading import need_memory
@@ -48,7 +49,8 @@ def check(
     if not isinstance(cell, int | float) or not clouds or any(layer.is_gridded for layer in read):
         return
     for cloud in clouds:
-        _check(cell, settings.get(EXTENT), cloud, WORK + EACH * rasters, side)
+        if not length_problem(cloud.crs):  # else the tool says what is wrong with it
+            _check(cell, settings.get(EXTENT), cloud, WORK + EACH * rasters, side)
 
 
 def _check(cell: float, extent: Any, cloud: Layer, bytes_per_cell: int, side: float) -> None:

@@ -15,14 +15,14 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import PointCloud, Survey, Table, Vector, dxf
+from toolbox.data import Drawing, PointCloud, Survey, Table, Vector, dxf
 from toolbox.data.crs import is_local
 from toolbox.data.layer import Layer
 from toolbox.data.report.columns import column_of
 from toolbox.data.report.document import today
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Spec
-from toolbox.errors import ParameterError
+from toolbox.errors import DataError, ParameterError
 from toolbox.reports.page import Told
 from toolbox.reports.readme import Entry, readme
 from toolbox.reports.words import columns_in
@@ -70,10 +70,19 @@ def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
 
 
 def _target(one: Delivered, folder: Path, head: Mapping[str, Any], spec: Spec) -> Target:
-    usual = {"rounded": True} if "rounded" in targets.kind_of(one.output, spec).save_options else {}
+    known = targets.kind_of(one.output, spec).save_options
+    usual: dict[str, Any] = {"rounded": True} if "rounded" in known else {}
+    if "head" in known and one.file.lower().endswith((*Vector.HEADED, *Drawing.HEADED)):
+        usual["head"] = _said(spec, head)
     options = {**(head if one.output == PAGE else {}), **usual, **one.options}
     made = Target.of(one.output, {"path": folder / one.file, **options}, spec)
     return replace(made, delivered=True)
+
+
+def _said(spec: Spec, head: Mapping[str, Any]) -> dict[str, str]:
+    """What drawings and models of a set say of themselves: title, client and date."""
+    known = {"title": spec.title, "date": today(), **head}
+    return {name: known[name] for name in ("title", "client", "date") if known.get(name)}
 
 
 def problems(
@@ -122,6 +131,11 @@ def _folder_problem(folder: Path) -> str | None:
     return files.folder_problem(folder.parent)
 
 
+def is_asked(writes: Mapping[str, Target]) -> bool:
+    """Whether a set is written."""
+    return bool(_of_set(writes))
+
+
 def _of_set(writes: Mapping[str, Target]) -> dict[str, Target]:
     return {name: target for name, target in writes.items() if target.delivered}
 
@@ -157,6 +171,11 @@ def write(
 
     What cannot be written of the set, as KML without a place on the Earth, is left out with a
     warning.
+
+    Raises
+    ------
+    DataError
+        What the set is about was not found, or a file cannot be written.
     """
     notes = next((t for t in writes.values() if t.output == DELIVER), None)
     how: dict[str, Any] = {"record": record, "told": told, "overwrite": overwrite, "ctx": ctx}
@@ -164,10 +183,13 @@ def write(
         return targets.write(spec, found, writes, more=more, **how)
     others = {name: target for name, target in writes.items() if target is not notes}
     left_out = {n: why for n, t in others.items() if t.delivered and (why := _why_not(t, found))}
+    _check_needed(spec, found)
     for name, why in left_out.items():
         level = logging.INFO if why in (NOTHING, EMPTY, NOT_HERE) else logging.WARNING
         log.log(level, "%s is left out: %s", name, why)
     kept = {name: target for name, target in others.items() if name not in left_out}
+    said = _said(spec, notes.how)
+    found = {n: v.with_head(said) if isinstance(v, Layer) else v for n, v in found.items()}
     readme_path = notes.resolved
     made = {path.name for path in more.own_files} | {
         t.resolved.name for t in kept.values() if t.resolved
@@ -194,6 +216,14 @@ def write(
     return {**paths, **shown, DELIVER: notes.path.parent}
 
 
+def _check_needed(spec: Spec, found: Mapping[str, Any]) -> None:
+    """Raise an error where a set would say nothing: what all else is about was not found."""
+    for one in spec.deliver:
+        if one.needed and _lacks(found.get(one.output)):
+            text = f"there is nothing to hand over: {one.file} would be empty ({one.help})"
+            raise DataError(spec.id, {DELIVER: text})
+
+
 def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
     """Why a file of the set cannot be written; None if it can."""
     if target.missing:
@@ -201,14 +231,19 @@ def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
     if target.output == PAGE:
         return None
     layer = found.get(target.output)
-    if layer is None or layer == ():
-        return NOTHING
-    if isinstance(layer, Layer) and layer.size() == 0:
-        return EMPTY
+    if why := _lacks(layer):
+        return why
     crs = getattr(layer, "crs", None)
     if target.needs_crs and (crs is None or is_local(crs)):
         return "the data have no CRS of the Earth"
     return None
+
+
+def _lacks(layer: Any) -> str | None:
+    """Why a file of a result would hold nothing; None if it would hold something."""
+    if layer is None or layer == ():
+        return NOTHING
+    return EMPTY if isinstance(layer, Layer) and layer.size() == 0 else None
 
 
 def _entry(

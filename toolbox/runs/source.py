@@ -111,6 +111,8 @@ class Source:
         made = self._read(kind, crs, reading, ctx) if self.layer is None else self.layer
         made = made.with_crs(crs) if crs is not None and made.crs is None else made
         check_place(made, crs)
+        if self.several and "bounds" in self.options and not len(made):
+            log.warning("%s: no point lies within bounds; info says where they are", made.name)
         return made
 
     def _read(self, kind: Kind, crs: CRS | None, reading: Reading | None, ctx: Context) -> Any:
@@ -132,9 +134,19 @@ Sources = Mapping[str, tuple[Source, ...]]
 """What a run reads, by parameter; several layers where the parameter takes several."""
 
 
+_MADE = {  # how layers are made of what other libraries have, by the name of its type
+    "ndarray": "PointCloud(xyz, crs=...) or Raster.from_lattice(values, lattice, crs=...)",
+    "DataFrame": "PointCloud(frame[['x', 'y', 'z']].to_numpy(), crs=...)",
+    "GeoDataFrame": "Vector(frame)",
+}
+
+
 def _problem(kind: Kind, paths: Sequence[Any], value: Any) -> str | None:
     """The problem with the paths of a source; None if there is none."""
     if not all(isinstance(path, str | Path) and str(path) for path in paths):
+        made = _MADE.get(type(value).__name__)
+        if made:
+            return f"must be a path or a {kind.word}, got {type(value).__name__}; {made} makes one"
         return f"must be a path or a {kind.word}, got {value!r}"
     if len(paths) != 1 and not (kind.several and paths):
         return f"takes one {kind.word}, got {len(paths)}"

@@ -79,12 +79,19 @@ class JobManager(BaseManager):  # type: ignore[misc]
         except Full as err:
             raise Refused(str(err), 503, "ServerBusy") from None
         if execution_mode == RequestedProcessExecutionMode.respond_async:
-            return id, JSON, None, JobStatus.accepted, {"Preference-Applied": "respond-async"}
+            told = self._accepted(id, process_id)
+            return id, JSON, told, JobStatus.accepted, {"Preference-Applied": "respond-async"}
         job = self.jobs.wait(id)
         if job["status"] == DONE:
             return id, JSON, self._outputs(job), JobStatus.successful, {}
         problem = {"code": "InvalidParameterValue", "description": job["message"]}
         return id, JSON, problem, JobStatus.failed, {}
+
+    def _accepted(self, id: str, process: str) -> dict[str, Any]:
+        """What the standard asks for in the answer to a job that is done in the background."""
+        monitor = {"rel": "monitor", "type": JSON, "href": f"{self.url}/jobs/{id}"}
+        status = {"type": "process", "processID": process, "jobID": id, "status": "accepted"}
+        return status | {"links": [monitor | {"title": "Status of the job"}]}
 
     def _outputs(self, job: dict[str, Any]) -> dict[str, Any]:
         """The outputs of a job: links to files, and values."""

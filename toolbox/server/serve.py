@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import ipaddress
 import json
+import logging
 import os
 import re
 from collections.abc import Callable
@@ -93,7 +94,7 @@ def configuration(data: Path, jobs: Path, url: str, limits: Limits) -> dict[str,
                 "limits": vars(limits),
             },
         },
-        "logging": {"level": "ERROR"},
+        "logging": {"level": "ERROR", "logformat": "%(asctime)s %(levelname)s %(message)s"},
         "metadata": {
             "identification": {
                 "title": "LiDAR toolbox",
@@ -111,6 +112,20 @@ def configuration(data: Path, jobs: Path, url: str, limits: Limits) -> dict[str,
             for id in catalog.own_ids()
         },
     }
+
+
+def without_traceback(record: logging.LogRecord) -> bool:
+    """Take the traceback off a refused request, which is in order; pygeoapi logs it as an error."""
+    exceptions = importlib.import_module("pygeoapi.process.base")
+    refusals = (
+        exceptions.ProcessorGenericError,
+        exceptions.JobError,
+        exceptions.ProcessError,
+    )
+    if record.exc_info and isinstance(record.exc_info[1], refusals):
+        record.exc_info = None
+        record.levelno, record.levelname = logging.WARNING, "refused:"
+    return True
 
 
 def application(data: Path, state: Path, url: str, limits: Limits) -> Any:
@@ -136,6 +151,7 @@ def application(data: Path, state: Path, url: str, limits: Limits) -> Any:
     )
     front = importlib.import_module("pygeoapi.flask_app")
     app, manager = front.APP, front.api_.manager
+    logging.getLogger("pygeoapi.api").addFilter(without_traceback)
 
     def file(id: str, name: str) -> Any:
         path = manager.file_of(id, name)

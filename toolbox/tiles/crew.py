@@ -225,7 +225,7 @@ class Crew:
                 counts[key] = counts.get(key, 0) + count.count
         for text in _of_tiles(said):
             log.warning("%s", text)
-        self.told.unseen += _of_tiles(unseen)
+        self.told.unseen += _of_tiles(unseen, len(calls))
         memory = max((r.memory for r in results if not isinstance(r, _Failed)), default=0)
         log.debug("%d tiles; a worker needed up to %d MB", len(calls), memory // 10**6)
         self.found |= {name: _sum(values) for name, values in numbers.items()}
@@ -339,10 +339,22 @@ def _tiles(table: NDArray[np.int64], reach: int) -> set[Tile]:
     return found
 
 
-def _of_tiles(texts: Mapping[str, list[Tile]]) -> list[str]:
-    """The first of the texts, each with where it was said first, and in how many tiles more."""
+def _of_tiles(texts: Mapping[str, list[Tile]], tiles: int = 0) -> list[str]:
+    """The first of the texts, each with where it was said first, and in how many tiles more.
+
+    Parameters
+    ----------
+    tiles : what so many tiles say holds everywhere, and needs no place; 0: all need it
+
+    Examples
+    --------
+    >>> _of_tiles({"no shore": [(0, 1), (0, 2)]}, 2)
+    ['no shore']
+    """
     return [
-        f"tile {tile_work.name_of(where[0])}"
+        text
+        if len(where) == tiles
+        else f"tile {tile_work.name_of(where[0])}"
         + (f" and {len(where) - 1} more tiles" if len(where) > 1 else "")
         + f": {text}"
         for text, where in list(texts.items())[:LISTED]

@@ -194,7 +194,7 @@ class _Turns:
             late = {
                 maker: turns.turn[name]
                 for name, step in steps.items()
-                for maker in turns._gridders(step)
+                for maker in turns._gridders(step) - turns._before_whole(step)
                 if name in turns.reach and turns.turn[maker] < turns.turn[name]
                 if turns.halos[maker] < APART
             }
@@ -229,6 +229,12 @@ class _Turns:
             found |= self._gridders(self.active[name], deep=True)
         return found
 
+    def _before_whole(self, step: Step) -> set[str]:
+        """The steps that one needs by way of a step on the whole: never in the pass of that one."""
+        before = leading_steps(self.active, step.needs)
+        whole = [name for name in before if name in self.turn and name not in self.reach]
+        return set(leading_steps(self.active, whole))
+
     def _is_grid(self, name: str) -> bool:
         field = self.model.between.get(name)
         return field is not None and field.kind.is_gridded
@@ -236,25 +242,29 @@ class _Turns:
     def _is_local(self, step: Step) -> bool:
         """Whether a step can run on tiles: it takes points, and no number that tiles give.
 
-        The number of a tile is not that of the whole survey.
+        The number of a tile is not that of the whole survey. A step on rasters alone, of which one
+        is made of the whole, has all cells at hand.
         """
         if step.repeat:
             return False  # its results are lists, which are not put together from tiles
-        on_points = False
+        on_tiles = on_cloud = on_whole = False
         for name, link in step.links.items():
             for need in (need for reference in references(link) for need in reference.names):
                 maker, _, output = need.partition(".")
                 if maker == INPUTS:
-                    on_points |= self.model.inputs[output].kind.several
+                    on_cloud |= self.model.inputs[output].kind.several
                 elif maker not in self.active:
                     continue  # left out under these settings; another value stands in for it
                 elif maker in self.reach:
                     if not step.spec.inputs[name].kind.is_layer:
                         return False
-                    on_points = True
+                    on_tiles = True
+                    on_cloud |= not self._is_grid(need)
                 elif self.active[maker].repeat:
                     return False
-        return on_points
+                else:
+                    on_whole |= self._is_grid(need)
+        return on_cloud or (on_tiles and not on_whole)
 
     def passes(self, steps: Mapping[str, Step], wanted: Collection[str]) -> Iterator[Pass]:
         """Make the passes of some steps, of which some results are wanted."""

@@ -104,7 +104,7 @@ def made(text: str, run: Any = None, **more: Any) -> batch.Batch:
         ("points\na.laz\nb.laz", ["--surface", "s.tif"], "surface: would be written by each row"),
         ("points,points\na,b", [], "column 'points' is empty or twice"),
         ("points,\na,b", [], "column '' is empty or twice"),
-        ("points\na,b", [], "['a', 'b'] has more cells than the 1 columns"),
+        ("points\na,b", [], "['a', 'b'] has more cells than the 1 column"),
         ("points\n", [], "table.csv has no rows"),
         ("", [], "table.csv has no rows"),
         ('points\n"a', [], "table.csv cannot be read: unexpected end of data"),

@@ -197,3 +197,13 @@ def test_files_that_are_no_survey_are_described_one_by_one(
     assert "described one by one" in said.err
     Path(files[1]).write_bytes(b"no LAS")
     assert main(["info", *files]) == 3
+
+
+def test_sentences_are_in_the_language_of_the_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud([[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]]).save(tmp_path / "a.laz")
+    monkeypatch.setenv("TOOLBOX_LANG", "tr")
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["info", str(tmp_path / "a.laz")]) == 0
+    assert "veride belirtilmemiş" in capsys.readouterr().out

@@ -104,6 +104,29 @@ def test_help_of_a_tool_begins_with_what_must_be_given(
         assert text.startswith(usage)
 
 
+def test_help_has_the_usual_options_and_help_all_every_one(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def said(*words: str) -> str:
+        with pytest.raises(SystemExit):
+            main([*words])
+        return capsys.readouterr().out
+
+    short = said("run", "models.terrain", "--help")
+    for option in ("--points ", "--contour_length ", "--dtm ", "--page ", "--deliver ", "--help "):
+        assert f"\n  {option}" in short.replace("-h [all], ", "")
+    for option in ("--points.columns", "--dtm.cog", "--lines.contours", "--workers", "steps:"):
+        assert option not in short
+    whole = said("run", "models.terrain", "--help", "all")
+    for option in ("--points.columns", "--dtm.cog", "--lines.contours", "--workers", "steps:"):
+        assert option in whole
+    assert said("run", "models.terrain", "--cell", "--help=all") == whole
+    assert said("help", "models.terrain") == short
+    assert said("help", "models.terrain", "all") == whole
+    assert main(["describe", "models.terrain"]) == 0
+    assert capsys.readouterr().out == whole
+
+
 def test_list_and_describe(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     assert "surface.grid" in capsys.readouterr().out
@@ -637,6 +660,13 @@ def test_what_is_nearly_right_is_answered_with_what_is(
 ) -> None:
     assert main(["run", "surface.grid", *words]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_a_tool_where_a_verb_belongs_is_answered_with_the_verb(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["surface.grid", "--cell", "1"]) == 2
+    assert "surface.grid is a tool; did you mean 'run surface.grid'?" in capsys.readouterr().err
 
 
 def test_help_has_units_and_the_name_that_was_given(capsys: pytest.CaptureFixture[str]) -> None:

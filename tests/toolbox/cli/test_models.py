@@ -50,7 +50,7 @@ def many(tmp_path: Path) -> Path:
 def test_check_says_what_each_step_reaches(capsys: Capture, many: Path) -> None:
     assert main(["model", "check", str(many)]) == 0
     told = capsys.readouterr().out
-    assert "my.many is fine, 20 step(s)" in told
+    assert "my.many is fine, 20 steps" in told
     assert re.search(r"a0 +points.filter, looks 0 m around", told)
     assert re.search(r"low +surface.grid, needs the whole survey", told)
 

@@ -192,3 +192,32 @@ def test_holes_that_touch_at_a_point_are_drawn_in(holes: Any, tmp_path: Path) ->
     (shell,) = shells(model)
     assert len(shell[0]) == 1 + len(holes)
     assert volume(model, shell) == pytest.approx(touching.area * 6.5, rel=0.01)
+
+
+def test_height_form_title_and_day_have_the_names_of_the_standard(tmp_path: Path) -> None:
+    """A viewer showed 6.5 m beside an attribute of 11; title and date stood nowhere."""
+    layer = town(LONE, ridge=12.0, form="gable")
+    made = saved(layer.with_head({"title": "Town", "date": "2026-11-24"}), tmp_path)
+    assert made["metadata"]["title"] == "Town"
+    assert made["metadata"]["referenceDate"] == "2026-11-24"
+    (building,) = made["CityObjects"].values()
+    assert building["attributes"]["measuredHeight"] == 11.0
+    assert building["attributes"]["roofType"] == "gable"
+    feet = Vector(layer.frame.set_crs("EPSG:2263+6360", allow_override=True))
+    (building,) = saved(feet, tmp_path)["CityObjects"].values()
+    assert building["attributes"]["measuredHeight"] == pytest.approx(11 * 0.3048, abs=0.001)
+    bare = saved(town(LONE).with_head({"date": "autumn 2026"}), tmp_path)
+    assert not {"title", "referenceDate"} & set(bare["metadata"])
+    (building,) = bare["CityObjects"].values()
+    assert "measuredHeight" not in building["attributes"]
+
+
+def test_buildings_are_called_as_in_other_files(tmp_path: Path) -> None:
+    frame = town(LONE, YARD).frame.assign(id=["100005_400004", "100030_400010"])
+    found = saved(Vector(frame), tmp_path)["CityObjects"]
+    assert list(found) == ["building-100005_400004", "building-100030_400010"]
+
+
+def test_buildings_without_ids_of_their_own_have_numbers(tmp_path: Path) -> None:
+    frame = town(LONE, YARD).frame.assign(id=["a", "a"])
+    assert list(saved(Vector(frame), tmp_path)["CityObjects"]) == ["building-1", "building-2"]

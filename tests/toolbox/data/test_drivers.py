@@ -16,6 +16,7 @@ import shapely
 from affine import Affine
 
 from toolbox.data import Raster, Vector
+from toolbox.data.drivers import check_vector
 from toolbox.data.record import read_record
 from toolbox.errors import DataError
 
@@ -144,3 +145,9 @@ def test_a_missing_file_and_an_address() -> None:
         Raster.open("/vsicurl/http://127.0.0.1/a.tif")
     with pytest.raises(DataError, match=r"rasters are read from \.tif.*convert it with gdal_trans"):
         Raster.open("a.vrt")
+    with pytest.raises(DataError, match=r"a\.laz holds points; surface\.grid makes a raster"):
+        Raster.open("a.laz")
+    with pytest.raises(
+        DataError, match=r"not \.txt; save it as \.csv whose first line has the names"
+    ):
+        check_vector(Path("a.txt"))

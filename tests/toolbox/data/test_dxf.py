@@ -171,6 +171,16 @@ def test_severities_have_layers_and_colours_of_their_own(tmp_path: Path) -> None
     assert len({colours[name] for name in ("wires", "objects_critical", "crossings_kept")}) == 3
 
 
+def test_what_has_no_rule_has_a_colour_of_its_own(tmp_path: Path) -> None:
+    found = ["critical", "warning", "watch", "not sure", "no rule"]
+    shapes = [shapely.Point(k, 0) for k in range(len(found))]
+    drawing = drawn(tmp_path / "line.dxf", shapes, layer=["objects"] * 5, severity=found)
+    colours = {layer.dxf.name: layer.dxf.color for layer in drawing.layers}
+    names = [f"objects_{one.replace(' ', '_')}" for one in found]
+    assert len({colours[name] for name in names}) == 5
+    assert colours["objects_no_rule"] == 8, "grey, whatever the layer is called"
+
+
 def test_labels_have_the_colour_of_what_they_name(tmp_path: Path) -> None:
     shapes = [shapely.Point(k, 0) for k in range(3)]
     columns = {"layer": ["wires", "towers", "towers_labels"], "text": [None, None, "1"]}
@@ -205,3 +215,36 @@ def test_layers_are_told_as_they_are_written(tmp_path: Path) -> None:
 def test_every_colour_has_a_name() -> None:
     for colour in (*dxf._OTHERS, *dxf._OF_LAYER.values(), *dxf._OF_SEVERITY.values()):
         assert dxf.colour_name(colour).endswith(f" ({colour})")
+
+
+def test_a_line_with_a_text_is_a_dimension(tmp_path: Path) -> None:
+    """Dimensions were lines and texts, which nobody can stretch or edit in CAD."""
+    frame = geopandas.GeoDataFrame(
+        {"layer": ["dimensions"] * 2, "text": ["3.00", "4.000"], "text_height": [0.25] * 2},
+        geometry=[shapely.LineString([(1, 2), (4, 2)]), shapely.LineString([(0, 0), (0, 4)])],
+    )
+    dxf.write(frame, tmp_path / "a.dxf", "a")
+    found = ezdxf.readfile(tmp_path / "a.dxf")  # type: ignore[attr-defined]
+    across, up = found.modelspace().query("DIMENSION")
+    assert [one.get_measurement() for one in (across, up)] == pytest.approx([3.0, 4.0])
+    written = [one.virtual_entities() for one in (across, up)]
+    said = [[e.text for e in drawn if e.dxftype() == "MTEXT"] for drawn in written]
+    assert said == [["3.00"], ["4.000"]], "with the decimals of the text"
+    blocks = [one.get_geometry_block() for one in (across, up)]
+    layers = {part.dxf.layer for block in blocks for part in block}
+    assert layers == {"dimensions", "Defpoints"}, "viewers draw what is on layer 0 black"
+    assert not found.audit().errors
+
+
+def test_edges_of_the_data_are_broken_lines(tmp_path: Path) -> None:
+    frame = geopandas.GeoDataFrame(
+        {"layer": ["walls", "data_edge"]},
+        geometry=[
+            shapely.LineString([(0, 0), (9, 0)]),
+            shapely.LineString([(9, 0), (9, 5), (0, 5)]),
+        ],
+    )
+    dxf.write(frame, tmp_path / "a.dxf", "a")
+    layers = ezdxf.readfile(tmp_path / "a.dxf").layers  # type: ignore[attr-defined]
+    assert layers.get("data_edge").dxf.linetype == "DASHED"
+    assert layers.get("walls").dxf.linetype == "Continuous"

@@ -36,9 +36,22 @@ def test_points_are_columns_that_a_spreadsheet_shows(tmp_path: Path) -> None:
     Vector(places).save(tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text() == "x,y,z,id\n1.5,2.0,3.0,7\n"
     Vector(places.assign(Z=9)).save(tmp_path / "a.csv")
-    assert (tmp_path / "a.csv").read_text() == "wkt,id,Z\nPOINT Z (1.5 2 3),7,9\n"
+    assert (tmp_path / "a.csv").read_text() == "id,Z,wkt\n7,9,POINT Z (1.5 2 3)\n"
 
 
 def test_nothing(tmp_path: Path) -> None:
     Vector(geopandas.GeoDataFrame({"id": []}, geometry=[])).save(tmp_path / "a.csv")
     assert len(Vector.open(tmp_path / "a.csv")) == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "header"),
+    [("Point Z", "x,y,z,id"), ("Point", "x,y,id"), ("Unknown", "x,y,id"), ("Polygon", "id,wkt")],
+)
+def test_an_empty_table_has_the_columns_of_a_full_one(
+    tmp_path: Path, kind: str, header: str
+) -> None:
+    """A program that read the objects of two surveys found other columns where there were none."""
+    frame = geopandas.GeoDataFrame({"id": []}, geometry=[])
+    Vector(frame, geometry_type=kind).save(tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_text() == f"{header}\n"

@@ -87,6 +87,30 @@ def test_a_front_is_valid_ifc_with_the_sizes_in_metres(
     assert properties["SidesNotSeen"] == "left"
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # files of theirs
+def test_the_model_is_no_surer_than_the_layer_what_an_opening_is(tmp_path: Path) -> None:
+    """A `door or window` was the IfcWindow `Window 2`, so that lists of windows had it."""
+    import ifcopenshell.util.element
+    import ifcopenshell.validate
+
+    frame = elevation().frame
+    frame.loc[frame["kind"] == "window", "kind"] = "door or window"
+    model = written(Vector(frame), tmp_path / "a.ifc")
+    logger = ifcopenshell.validate.json_logger()
+    ifcopenshell.validate.validate(model, logger, express_rules=True)
+    assert logger.statements == []
+    assert not model.by_type("IfcWindow")
+    (fills,) = (r for r in model.by_type("IfcRelFillsElement") if "2" in r[5].Name)
+    either = fills.RelatedBuildingElement
+    assert (either.is_a(), either.Name) == ("IfcBuildingElementProxy", "Door or window 2")
+    assert either.ObjectType == "door or window"
+    told = "door or window, certainty 90 %; sides not seen, which may be elsewhere: left"
+    assert either.Description == told == fills.RelatingOpeningElement.Description
+    facts = ifcopenshell.util.element.get_psets(either)["Survey_Opening"]
+    assert (facts["Kind"], facts["Width"]) == ("door or window", 1.5)
+
+
 def test_walls_and_openings_are_where_the_points_were(tmp_path: Path) -> None:
     """The walls go 0.3 m into the building: northwards, and westwards."""
     model = written(elevation(), tmp_path / "a.ifc")
@@ -150,3 +174,19 @@ def test_another_layer_is_refused(tmp_path: Path) -> None:
     ):
         layer.save(tmp_path / "a.ifc")
     assert not (tmp_path / "a.ifc").exists()
+
+
+def test_project_building_and_file_have_the_title_client_and_day_of_the_set(tmp_path: Path) -> None:
+    """They were "Survey of fronts", "Building", "" and 1980-01-01 whatever was asked for."""
+    head = {"title": "Town hall", "client": "The city", "date": "2026-11-24"}
+    model = written(elevation().with_head(head), tmp_path / "a.ifc")
+    (project,), (building,) = (model.by_type(kind) for kind in ("IfcProject", "IfcBuilding"))
+    assert (project.Name, project.Description, building.Name) == (
+        "Town hall",
+        "For The city",
+        "Town hall",
+    )
+    assert model.header.file_name.name == "Town hall"
+    assert model.header.file_name.time_stamp == "2026-11-24T00:00:00"
+    other = written(elevation().with_head({"date": "in autumn"}), tmp_path / "b.ifc")
+    assert other.header.file_name.time_stamp == "1980-01-01T00:00:00", "the file says no words"

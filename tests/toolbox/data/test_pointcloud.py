@@ -242,3 +242,13 @@ def test_coordinates_that_nobody_can_change_are_not_copied() -> None:
     assert PointCloud(fixed).xyz is fixed
     part = fixed[:1]  # a view of an array that its owner may set free again
     assert PointCloud(part).xyz is not part
+
+
+def test_what_arrays_can_and_points_cannot_is_answered_with_what_can() -> None:
+    cloud = PointCloud(np.zeros((3, 3)), {"intensity": np.array([1, 2, 3])})
+    with pytest.raises(
+        TypeError, match=r"not changed in place; with_attributes\({'intensity': val"
+    ):
+        cloud["intensity"] = np.zeros(3)
+    with pytest.raises(TypeError, match=r"got ndarray; select\(mask\) gives the points"):
+        cloud[cloud["intensity"] > 1]  # type: ignore[index]

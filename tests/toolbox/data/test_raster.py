@@ -14,7 +14,7 @@ from pyproj import CRS
 
 import toolbox
 from toolbox.data import Lattice, Raster
-from toolbox.data.crs import LOCALS, describe_crs, length_problem, parse_crs, same_crs
+from toolbox.data.crs import LOCALS, crs_text, describe_crs, length_problem, parse_crs, same_crs
 from toolbox.errors import DataError
 
 NORTH_UP = Affine(0.5, 0, 1000, 0, -0.5, 2000)
@@ -165,6 +165,15 @@ def test_crs_round_trip(tmp_path: Path, text: str) -> None:
     crs = parse_crs(text)
     Raster(np.zeros((2, 2)), NORTH_UP, crs=crs).save(tmp_path / "a.tif")
     assert same_crs(Raster.open(tmp_path / "a.tif").crs, crs)
+
+
+@pytest.mark.parametrize("text", ["EPSG:7415", "EPSG:5699", "EPSG:25832+7837"])
+def test_both_codes_of_a_compound_crs_are_in_the_file(tmp_path: Path, text: str) -> None:
+    """Else it is a CRS of its own, to which no checkpoints are known to belong."""
+    crs = parse_crs(text)
+    Raster(np.zeros((2, 2)), NORTH_UP, crs=crs).save(tmp_path / "a.tif")
+    assert crs_text(Raster.open(tmp_path / "a.tif").crs) == crs_text(crs)
+    assert "+" in crs_text(crs)
 
 
 def test_crs_of_a_survey_in_feet_round_trip(tmp_path: Path, data: Callable[[str], Path]) -> None:

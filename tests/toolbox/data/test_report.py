@@ -8,11 +8,13 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import openpyxl
 import pytest
 
 from toolbox.data import Figure, Report, Rows, Section, Table
 from toolbox.data.record import MEMBER, read_record
-from toolbox.data.report import Column, Head
+from toolbox.data.report import Column, Head, Plot
+from toolbox.data.report.blocks import in_order_of_paper
 from toolbox.data.report.render import render
 from toolbox.errors import DataError
 
@@ -205,3 +207,33 @@ def test_warnings_are_sentences_that_begin_large() -> None:
     page = made.html()
     assert "<li>All points are alike</li>" in page
     assert "<li>a.laz: 2 points</li>" in page
+
+
+def test_paper_turns_its_pages_once_and_has_maps_first() -> None:
+    wide = Rows(Table.from_rows([{f"c{k}": k * n for k in range(12)} for n in range(3)]))
+    short = Rows(Table.from_rows([{"a": 1}]))
+    long = Rows(Table.from_rows([{"a": n} for n in range(40)]))
+    plot = Plot("map", {}, Figure(b"<svg/>", "Map"))
+    made = Section("Made", ["All of it."], folded=True, printed=["Short."])
+    given = {"Wide": wide, "Long": long, "Short": short, "Words": "Words.", "Map": plot}
+    sections = [made, *(Section(name, [block]) for name, block in given.items())]
+    found = [section.title for section in in_order_of_paper(sections)]
+    assert found == ["Map", "Short", "Words", "Long", "Made", "Wide"]
+    text = render(Report("R", sections), on_paper=True)
+    assert text.index(">Short<") < text.index(">Wide<")
+    text = render(Report("R", sections))
+    assert text.index(">Wide<") < text.index(">Short<"), "a browser keeps their order"
+
+
+def test_the_result_stands_before_warnings() -> None:
+    head = Head([("Client", "City")], ["points: 1 points of 3 m2 are lost"], [])
+    text = render(Report("R", [], summary="All is well.", head=head))
+    assert text.index("All is well.") < text.index("1 point of 3 m² is lost")
+    assert "points: 1" not in text
+
+
+def test_a_workbook_holds_no_more_digits_than_tell_something(tmp_path: Path) -> None:
+    rows = Rows(Table.from_rows([{"length": 10.80184671085273}]))
+    Report("R", [Section("T", [rows])]).save(tmp_path / "a.xlsx")
+    value = openpyxl.load_workbook(tmp_path / "a.xlsx")["T"]["A2"].value
+    assert value == 10.8018

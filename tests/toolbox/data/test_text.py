@@ -93,14 +93,44 @@ def test_whole_numbers_become_integers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "500000,25;-2,5;3,125\n7;8;9,5\n",
+        "500000,25\t-2,5\t3,125\n7\t8\t9,5\n",
+        "500000,25 -2,5 3,125\n7 8 9,5\n",
+        "Rechtswert;Hochwert;Höhe\n500000,25;-2,5;3,125\n7;8;9,5\n",
+        "Nr;Rechtswert;Hochwert;Höhe\nP1;500000,25;-2,5;3,125\nP2;7;8;9,5\n",
+    ],
+)
+def test_commas_before_decimals_are_read_and_told(
+    tmp_path: Path, text: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert opened(tmp_path, text).xyz.tolist() == [[500000.25, -2.5, 3.125], [7, 8, 9.5]]
+    assert "commas are read as decimal points" in caplog.text
+
+
+def test_whole_numbers_tell_no_decimals(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Spreadsheets write 3 for 3,0: the first number that is not whole tells the mark."""
+    lines = "1;2;3;4\n" * 3
+    assert opened(tmp_path, f"{lines}1;2;3,5;4,25\n").xyz[-1].tolist() == [1, 2, 3.5]
+    caplog.clear()
+    assert opened(tmp_path, f"{lines}1;2;3.5;4.25\n").xyz[-1].tolist() == [1, 2, 3.5]
+    assert opened(tmp_path, "1,2,3,4\n5,6,7,8\n").xyz[-1].tolist() == [5, 6, 7]
+    assert not caplog.text
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("1 2 3\n4 5\n", "line 2: 2 values instead of 3"),
         ("1 2 3\n\n4 5 6 7\n", "line 3: 4 values instead of 3"),
         ("1 2 3\n4 x 6\n", "line 2: y is 'x', which is not a number"),
         ("x,y,z,i\n1,2,3,4\n1,2,3,\n", "line 3: intensity is '', which is not a number"),
-        ("1;2;3\n1;2,5;3\n", "line 2: y is '2,5'.*decimals must have a point"),
-        ("1,5;2,5;3,5\n", "line 1.*decimals must have a point"),
+        ("1;2.5;3\n1;2,5;3\n", "line 2: y is '2,5'.*decimals must have a point, as further above"),
+        ("1;2,5;3\n1;2.5;3\n", "line 2: y is '2.5'.*decimals must have a comma, as further above"),
+        ("1,5;2.5;3,5\n", "line 1.*decimals must all have a point, or all a comma"),
+        ("1;2,5;nan\n", "line 1: z is nan"),
+        ("x,y,z\n1,5,2,5,3,5\n", "where decimals have commas, semicolons must separate columns"),
         ("1 2 3\n1 2 nan\n", "line 2: z is nan"),
         ("1 2 3\n1 inf 3\n", "line 2: y is inf"),
         ("x y z\n1 2 3 4\n", "line 2: 4 values for the 3 columns"),
@@ -110,6 +140,7 @@ def test_whole_numbers_become_integers(tmp_path: Path) -> None:
         ("x y z z\n1 2 3 4\n", "several columns z"),
         ("# nothing\n", "holds no points"),
         ("1 2\n", "not a line of numbers"),
+        ("P0 1 2 3\nP1 4 5 6\n", "first line with the names of all, such as id x y z"),
         ("ncols 4\nnrows 3\n", "is a raster"),
         ("\0\1\2 \xff\n", "has no column x, y, z"),
     ],

@@ -260,7 +260,9 @@ def test_what_is_no_vector_layer(tmp_path: Path) -> None:
         with pytest.raises(DataError, match=problem):
             Vector.open(tmp_path / "a.csv")
     (tmp_path / "a.txt").write_text("x,y\n1,2\n")
-    with pytest.raises(DataError, match=r"layers are read from \.gpkg, .*, not \.txt; convert it"):
+    with pytest.raises(
+        DataError, match=r"layers are read from \.gpkg, .*, not \.txt; save it as \.csv"
+    ):
         Vector.open(tmp_path / "a.txt")
     for name in ("a.gpkg", "a.geojson", "a.shp", "a.parquet"):
         (tmp_path / name).write_text("no layer")
@@ -347,9 +349,24 @@ def test_columns_that_may_be_either_are_refused(tmp_path: Path) -> None:
     path.write_text("No,Y,X,Kot\n1,500010.5,4500020.5,12\n")
     with pytest.raises(DataError, match=r"columns Y, X stand in this order.*rename them to x"):
         Vector.open(path)
-    path.write_text("No;East;North;Kot\n1;500010,5;4500020,5;12,5\n")
-    with pytest.raises(DataError, match="numbers, with a point before the decimals"):
+    path.write_text("No;East;North;Kot\n1;500010,5;4500020,5;12,5\n2;1.5;2.5;3\n")
+    with pytest.raises(DataError, match="decimals must all have a point, or all a comma"):
         Vector.open(path)
+
+
+def test_decimals_of_spreadsheets_may_have_commas(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("No;East;North;Kot;sd;classes\nP1;500010,5;4500020;12,5;0,25;2,9\n")
+    frame = Vector.open(path).frame
+    assert frame.geometry[0].wkt == "POINT Z (500010.5 4500020 12.5)"
+    assert frame["sd"][0] == 0.25
+    assert "commas are read as decimal points" in caplog.text
+    caplog.clear()
+    path.write_text("No;East;North;classes\nP1;500010.5;4500020;2,9\n")
+    assert Vector.open(path).frame["classes"][0] == "2,9"  # is left as it is
+    assert not caplog.text
 
 
 def test_heights_in_our_own_tables_stay_attributes(tmp_path: Path) -> None:

@@ -50,6 +50,13 @@ def test_attributes_with_several_values_are_refused() -> None:
         Expression("a > 1").mask({"a": np.zeros((4, 3))}, 4)
 
 
+def test_one_equal_sign_is_answered_with_two() -> None:
+    with pytest.raises(ValueError, match="write == where values are to be equal"):
+        Expression("a = 2")
+    with pytest.raises(ValueError, match="write conditions such as"):
+        Expression("a == 2 and")
+
+
 def test_names() -> None:
     assert Expression("abs(a) > b and a in (2, 3)").names == {"a", "b"}
 

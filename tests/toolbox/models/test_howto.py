@@ -42,6 +42,7 @@ def test_repeated_outputs_are_numbered(town: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_commands_work(town: Path, tmp_path: Path) -> None:
     """Those of the starter, and then the batch on the first model of the page."""
+    town.unlink()  # the page makes it itself
     shell = ["bash", "-euc"]
     programs = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     where = {"cwd": tmp_path, "env": os.environ | programs | {"TOOLBOX_HISTORY": ""}}

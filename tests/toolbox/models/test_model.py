@@ -234,6 +234,8 @@ def test_files_that_are_hardly_models(load: Load, text: str, name: str, problem:
         ("{type: choice, help: x, choices: [a, b], default: c}", ".default", "must be one of a, b"),
         ("{type: text, help: x, many: no}", ".many", "must be true or false"),
         ("{type: PointCloud, help: x, default: a.laz}", ".default", "a layer has none"),
+        ("{type: PointCloud, help: x, shapes: [line]}", ".shapes", "of vector layers"),
+        ("{type: Vector, help: x, shapes: [area]}", ".shapes", "must be of point, line, polygon"),
         ("{type: text, help: x, of: points}", ".of", "is for attributes"),
         ("{type: attribute, help: x, of: pints}", ".of", "no source called 'pints'; did you mean"),
         ("{type: text, help: x, defalt: 3}", ".defalt", "did you mean 'default'?"),

@@ -26,7 +26,7 @@ from toolbox.declare import show
 from toolbox.errors import DataError
 from toolbox.pictures.charts import Bars, Curves, Sections
 from toolbox.pictures.draw import draw, drawable, has_something_to_see
-from toolbox.pictures.features import feature_colours, feature_key
+from toolbox.pictures.features import feature_classes, feature_colours, feature_key
 from toolbox.pictures.images import (
     POINT_CLASSES,
     RELIEF,
@@ -675,3 +675,10 @@ def test_offsets_have_a_profile(tmp_path: Path) -> None:
     draw({"a": layer}, tmp_path / "b.png")
     assert read(tmp_path / "a.png").shape[1] > 1.8 * read(tmp_path / "b.png").shape[1]
     assert Sections.of("a", Vector(frame.assign(offset=np.nan)), across) is None
+
+
+def test_ranges_of_numbers_have_no_powers_of_ten() -> None:
+    errors = np.array([-0.05415, 0.01, 0.1083])  # the middle of whose ranges is not 0, but 1e-17
+    spots = geopandas.GeoDataFrame({"error": errors}, geometry=shapely.points(errors, 0))
+    found = feature_classes((Vector(spots), show.Values("error", centred=True)))
+    assert [name for name, *_ in found][1] == "error: 0.000 to 0.036"

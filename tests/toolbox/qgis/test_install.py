@@ -240,7 +240,12 @@ def test_install_and_doctor(
     argv = ["qgis", "doctor", "--profile", str(profile)]
     assert main(argv) == 3
     assert f"qgis install --profile {profile}" in capsys.readouterr().out
+    monkeypatch.delenv("VIRTUAL_ENV", raising=False)
     assert main(["qgis", "install", "--profile", str(profile)]) == 0
+    assert "deactivate" not in capsys.readouterr().out
+    monkeypatch.setenv("VIRTUAL_ENV", "lidar")  # in which QGIS would not find its own libraries
+    assert main(["qgis", "install", "--profile", str(profile)]) == 0
+    assert "say deactivate first" in capsys.readouterr().out
     assert main(argv) == 0
     told = capsys.readouterr().out
     assert "QGIS 3.40.6" in told
@@ -260,7 +265,7 @@ def test_install_and_doctor(
     seen = capsys.readouterr()
     for text in ("QGIS was not found", "tools.json", "not switched on", "no Python /no/python"):
         assert text in seen.out
-    assert "4 thing(s) to mend" in seen.err
+    assert "things to mend: 4" in seen.err
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from toolbox.data import Figure, Lattice, PointCloud, Raster, Report, Rows, Sect
 from toolbox.data.crs import parse_crs
 from toolbox.data.report import Plot
 from toolbox.data.report.render import render
-from toolbox.reports.page import Told, in_order, page
+from toolbox.reports.page import Told, in_order, page, said
 from toolbox.runs import target
 from toolbox.tiles import overview
 from toolbox.tiles.tiling import Tiling
@@ -81,10 +82,40 @@ def test_points_of_each_class_are_counted_before_and_after() -> None:
     ]
 
 
+def test_classes_that_are_given_up_are_told_with_what_became_of_their_points() -> None:
+    """Bridges of class 26 became ground, and only the console said a word."""
+    xyz = np.arange(15.0).reshape(5, 3)
+    before = PointCloud(xyz, {"classification": np.array([1, 26, 26, 26, 6])}, crs=None)
+    after = PointCloud(xyz, {"classification": np.array([1, 2, 2, 5, 6])}, crs=None)
+    spec = catalog.load("ground.classify")
+    gone = "Classes of the input that no point has any more: 26 (Reserved by the ASPRS, points: 3"
+    for given, told in ((before, ", now Ground 2, High vegetation 1)."), (after, None)):
+        _, head = said(spec, {"classified": after}, None, Told(given={"points": given}))
+        assert list(head.unseen) == ([gone + told] if told else [])
+    tiles = {"points": Counter({1: 1, 26: 3, 6: 1}), "classified": Counter({1: 1, 2: 3, 6: 1})}
+    _, head = said(spec, {"classified": None}, None, Told(by_class=tiles))
+    assert list(head.unseen) == [gone + ")."], "in tiles it is not known what they are now"
+
+
+def test_of_a_part_of_the_points_no_numbers_of_before_are_told() -> None:
+    before = PointCloud(np.zeros((3, 3)), {"classification": np.array([1, 1, 6])}, crs=None)
+    spec = catalog.load("ground.classify")
+    part = before.select(np.array([2]))
+    report = page(spec, {"classified": part}, None, Told(given={"points": before}))
+    (rows,) = next(one.blocks for one in report.sections if one.title == "Points by class")
+    assert isinstance(rows, Rows)
+    assert list(rows.shown) == ["Class", "Name", "Number", "Share"]
+    assert rows.cells == [["6", "Building", "1", "100.0"]]
+
+
 @pytest.mark.slow
 def test_counts_of_all_steps(points: Path) -> None:
     place = points.with_suffix(".gpkg")
-    values = {"points": points, "counts": {"path": place, "layer": "stages"}, "denoise": False}
+    values = {
+        "points": points,
+        "counts": {"path": place, "layer": "stages"},
+        "denoise": False,
+    }
     dtm = points.with_name("dtm.tif")
     toolbox.run("models.terrain", {**values, "image": False, "max_gap": 6.0})
     rows = Table.open(place, layer="stages").frame
@@ -171,7 +202,7 @@ def test_a_report_of_tiles_shows_points_and_rasters_and_says_what_the_whole_says
     assert "2 points were taken for noise: 1 low, 1 high." in whole
     for page_text in (tiled, text, whole):
         assert "<dt>Date of the survey</dt><dd>2021-05-29</dd>" in page_text
-    assert "Rasters with cells of 1 m: Terrain (DTM) 49.94 to 50.07 m, 0.4 % of its" in whole
+    assert "Rasters have cells of 1 m. Terrain (DTM) from 49.94 to 50.07 m, 0.4 % of its" in whole
     assert "tile by tile" not in tiled
     said = [html.partition('id="summary"')[2].partition("</section>")[0] for html in (tiled, whole)]
     assert said[0] == said[1]
@@ -218,8 +249,8 @@ def test_what_a_warning_says_is_not_said_again_of_what_was_not_looked_at() -> No
         warnings=["1.1 % of the area has no ground, and holds nothing"],
         unseen=[
             "1.1 % of the area has no ground, and holds nothing in these figures.",
-            "Whether a void is water was not looked at.",
+            "Voids are counted whether they are water or not.",
         ],
     )
     report = page(catalog.load("surface.grid"), {}, None, told)
-    assert list(report.head.unseen) == ["Whether a void is water was not looked at."]
+    assert list(report.head.unseen) == ["Voids are counted whether they are water or not."]

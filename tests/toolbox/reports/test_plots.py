@@ -12,8 +12,11 @@ import shapely
 from toolbox import catalog
 from toolbox.data import PointCloud, Vector
 from toolbox.data.crs import parse_crs
+from toolbox.declare.show import OfClass
+from toolbox.qgis.tools import tool
 from toolbox.reports.maps import maps_of
 from toolbox.reports.space import space_of
+from toolbox.reports.words import anchor_of
 
 CRS = parse_crs("EPSG:32635+3855")
 SPEC = catalog.load("shoreline.extract")
@@ -70,7 +73,32 @@ def test_areas_lie_below_lines_and_what_was_found_has_the_first_colour() -> None
     spec = catalog.load("models.reservoir_storage")
     ((_, plot),) = maps_of(spec, {"water": found()["water"]}, {"reference": lake})
     colours = {part["name"]: part["groups"][0]["colour"] for part in plot.data["layers"]}
-    assert colours == {"Water": "#0b5fa5", "Reference": "#d7261e"}
+    assert colours == {"Water": OfClass(9).colour, "Reference": "#d7261e"}
+
+
+def test_things_have_the_colour_of_their_class_on_maps_in_space_and_in_dialogs() -> None:
+    spec = catalog.load("models.urban_classes")
+    square = [(10, 10, 3), (20, 10, 3), (20, 20, 3), (10, 20, 3)]
+    made = {
+        "outlines": layer([shapely.Polygon(square)]),
+        "tree_tops": layer([shapely.Point(1, 1, 9)]),
+    }
+    expected = {"outlines": OfClass(6).colour, "tree_tops": OfClass(5).colour}
+    ((_, plot),) = maps_of(spec, made, {"points": cloud()})
+    seen = {part["table"]: part["groups"][0]["colour"] for part in plot.data["layers"]}
+    assert [seen[anchor_of(name)] for name in made] == list(expected.values())
+    space = space_of(spec, made, {"points": cloud()})
+    assert space is not None
+    assert {one["colour"] for one in space.data["lines"]} == set(expected.values())
+    asked = {f["name"]: f.get("colour") for f in tool(spec)["outputs"]}
+    assert {name: asked[name] for name in made} == expected
+
+
+def test_errors_lie_above_the_checkpoints_that_they_are_of() -> None:
+    spots = [shapely.Point(10, 10, 3), shapely.Point(20, 10, 3)]
+    shown = {"errors": layer(spots, error=[-0.1, 0.1])}
+    ((_, plot),) = maps_of(catalog.load("compare.surfaces"), shown, {"checkpoints": layer(spots)})
+    assert [part["name"] for part in plot.data["layers"]] == ["Checkpoints", "Errors"]
 
 
 def test_holes_turn_the_other_way_so_that_they_stay_empty() -> None:
@@ -132,3 +160,14 @@ def test_the_same_layers_make_the_same_plots() -> None:
 def test_there_is_no_plot_where_nothing_has_a_place() -> None:
     assert list(maps_of(SPEC, {"level": 3.0}, {})) == []
     assert space_of(SPEC, {"level": 3.0}, {}) is None
+
+
+def test_a_wall_has_no_map_since_it_is_a_stroke_from_above() -> None:
+    """A page of the report was a line of 20 m; a wire is as narrow, and its map is looked at."""
+    wall = shapely.Polygon([(10, 10, 0), (30, 10.2, 0), (30, 10.2, 9), (10, 10, 9)])
+    corner = shapely.Polygon([(30, 10, 0), (30, 30, 0), (30, 30, 9), (30, 10, 9)])
+    wire = shapely.LineString([(10, 10, 12), (60, 10, 8), (90, 10, 12)])
+    spec = catalog.load("planes.extract")
+    for shapes, titles in (([wall], []), ([wall, corner], ["Map"]), ([wire], ["Map"])):
+        made = maps_of(spec, {"planes": layer(shapes)}, {"points": cloud()})
+        assert [title for title, _ in made] == titles

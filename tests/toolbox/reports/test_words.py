@@ -108,6 +108,12 @@ def test_a_date_is_kept_as_it_is_written(date: str) -> None:
     assert parsed_options({"date": date}, ("date",)) == {"date": date}
 
 
+@pytest.mark.parametrize("date", ["31.12.2026", "31-12-2026", "2026/12/31"])
+def test_a_date_that_all_read_alike_is_written_as_all_others(date: str) -> None:
+    """A report had 31.12.2026 at its head, and 2026-12-31 everywhere else."""
+    assert parsed_options({"date": date}, ("date",)) == {"date": "2026-12-31"}
+
+
 @pytest.mark.parametrize("date", ["99/99", "2026-13-01", "30.02.2026", "14"])
 def test_figures_that_are_no_date_are_refused(date: str) -> None:
     with pytest.raises(ValueError, match=f"option date: must be a date, such as .* got '{date}'"):
@@ -122,7 +128,7 @@ def test_every_warning_of_a_run_is_on_its_report(tmp_path: Path) -> None:
     said = ["--points", str(tmp_path / "a.csv"), "--assume-crs", "local", "--page", str(place)]
     assert main(["run", "shoreline.extract", *said, "--quiet"]) == 0
     warned = place.read_text().partition('id="warnings"')[2].partition("</ul>")[0]
-    assert "no water was found" in warned
+    assert "No water was found" in warned
 
 
 def test_numbers_are_made_a_sentence_where_a_tool_says_none() -> None:
@@ -136,7 +142,7 @@ def test_numbers_are_made_a_sentence_where_a_tool_says_none() -> None:
 def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     outputs = catalog.load("shoreline.extract").make.Outputs
     row = {"body": 1, "open_length": 40.0, "perimeter": 100.0, "area_error": 10.0}
-    row["geometry"] = shapely.Point(0, 0)
+    row |= {"level": 3.5, "level_interval": 0.02, "geometry": shapely.Point(0, 0)}
     water = Vector(geopandas.GeoDataFrame([row], geometry="geometry", crs=CRS))
     numbers = {"level": 3.5, "level_error": 0.01, "level_interval": 0.02, "area": 900.0, "count": 1}
     made = outputs(water=water, shoreline=water, vertices=water, detail=1.0, **numbers)

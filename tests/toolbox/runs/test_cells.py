@@ -13,7 +13,7 @@ import toolbox
 from algorithms.surface.grid import SurfaceGrid
 from toolbox import execute
 from toolbox.data import PointCloud
-from toolbox.errors import MemoryShort
+from toolbox.errors import DataError, MemoryShort
 from toolbox.tiles.tiling import Tiling
 
 FEET = CRS("EPSG:2994")
@@ -88,3 +88,12 @@ def test_cells_of_tiles_are_told_and_those_of_one_tile_must_fit(
     assert "are far smaller than the data can fill" in caplog.text
     with pytest.raises(MemoryShort, match=r"choose larger cells, or smaller tiles \(tile\)"):
         execute.run("surface.grid", run | {"cell": 1e-6} | out, **how)
+
+
+def test_points_in_degrees_are_told_with_their_name_and_what_to_do() -> None:
+    """It was "EPSG:4326 WGS 84 is in degrees, which are not a length", and of nothing."""
+    points = square("EPSG:4326")
+    with pytest.raises(
+        DataError, match=r"points: .* is in degrees .*; reproject it to a projected"
+    ):
+        toolbox.run("surface.grid", {"points": points, "cell": 1.0})

@@ -207,7 +207,7 @@ def test_what_would_be_empty_is_left_out_and_takes_an_earlier_one_with_it(
     toolbox.run(model, {**values, "interval": 500.0}, overwrite=True)
     assert names(tmp_path / "out") == FILES - {"lines.gpkg", "lines.kmz", "lines.dxf"}
     text = (tmp_path / "out" / "README.txt").read_text()
-    assert "- lines.gpkg: Lines. it would be empty" in text
+    assert "- lines.gpkg, contours (Lines): it would be empty" in " ".join(text.split())
 
 
 def test_a_set_does_not_go_into_a_folder_that_is_read(
@@ -248,7 +248,7 @@ def test_what_needs_a_place_on_the_earth_is_left_out(model: str, tmp_path: Path)
     )
     assert names(tmp_path / "out") == FILES - {"lines.kmz"}
     text = (tmp_path / "out" / "README.txt").read_text()
-    assert "- lines.kmz: Lines for Google Earth. the data have no CRS of the Earth" in text
+    assert "- lines.kmz (Lines for Google Earth): the data have no CRS of the Earth" in text
 
 
 def test_a_client_is_not_told_what_to_install(
@@ -270,7 +270,7 @@ def test_a_client_is_not_told_what_to_install(
     assert told in seen[0], "before anything is read"
     assert names(tmp_path / "out") == FILES
     text = (tmp_path / "out" / "README.txt").read_text()
-    assert "- a.pdf: Paper. it was not made on this computer" in text
+    assert "- a.pdf (Paper): it was not made on this computer" in text
     for file in ("README.txt", "report.html"):
         assert "pip install" not in (tmp_path / "out" / file).read_text()
 
@@ -307,7 +307,7 @@ def test_the_same_in_tiles(points: Path, tmp_path: Path) -> None:
         "Coordinates EPSG:32635 WGS 84 / UTM zone 35N",
         "Date of the survey not known",
         "pulses per square metre",
-        "Whether a void is water was not looked at.",
+        "Voids are counted whether they are water or not.",
         " % of the points were taken for ground.",
     ):
         assert said in tiled
@@ -409,7 +409,44 @@ def test_what_asks_for_it_is_in_the_report_of_the_set(
     assert ("<h2>Contours</h2>" in report) == asked
 
 
+def test_a_set_that_would_say_nothing_is_not_handed_over(
+    model: str, points: Path, tmp_path: Path
+) -> None:
+    """A terrain without a cell, and clearances of a survey without a wire, were whole sets."""
+    Path(model).write_text(
+        MODEL.replace("layer: contours, help", "layer: contours, needed: true, help")
+    )
+    values = {"points": points, "deliver": tmp_path / "out"}
+    with pytest.raises(
+        DataError, match=r"nothing to hand over: lines.gpkg would be empty \(Lines\)"
+    ):
+        toolbox.run(model, {**values, "interval": 1000.0})
+    assert not (tmp_path / "out").exists()
+    toolbox.run(model, values)
+
+
 def test_whether_it_is_in_the_report_is_true_or_false(model: str) -> None:
     Path(model).write_text(MODEL.replace("help: Lines}", "help: Lines, in_report: once}"))
     with pytest.raises(ParameterError, match="in_report must be true or false, got 'once'"):
         catalog.load(model)
+
+
+def test_an_input_may_have_another_value_for_the_set_unless_it_is_given(
+    model: str, points: Path, tmp_path: Path
+) -> None:
+    def cells(name: str, **given: Any) -> int:
+        path = Path(model).with_name(f"{name}.yaml")
+        text = Path(model).read_text().replace("deliver:\n", "deliver:\n  values: {cell: 5}\n")
+        path.write_text(text)
+        asked = {"deliver": tmp_path / name} if name != "alone" else {}
+        toolbox.run(
+            str(path), {"points": points, "surface": tmp_path / f"{name}.tif"} | asked | given
+        )
+        return Raster.open(tmp_path / f"{name}.tif").shape[0]
+
+    assert [cells("alone"), cells("set"), cells("given", cell=4.0)] == [20, 8, 10]
+    wrong = Path(model).with_name("wrong.yaml")
+    wrong.write_text(MODEL.replace("deliver:\n", "deliver:\n  values: {cel: 5, interval: -1}\n"))
+    with pytest.raises(ParameterError) as told:
+        toolbox.run(str(wrong), {"points": points})
+    assert set(told.value.problems) == {"deliver.values.cel", "deliver.values.interval"}

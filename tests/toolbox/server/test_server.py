@@ -37,7 +37,8 @@ class Server:
     def start(self, *more: str) -> None:
         where = ["--data", str(self.folder / "data"), "--state", str(self.folder / "state")]
         argv = [sys.executable, "-m", "toolbox", "serve", *where, "--port", str(self.port), *more]
-        self.process = subprocess.Popen(argv, stdout=subprocess.DEVNULL)
+        with (self.folder / "said.txt").open("w") as said:
+            self.process = subprocess.Popen(argv, stdout=said, stderr=subprocess.STDOUT)
         for _ in range(600):
             try:
                 requests.get(f"{self.url}/conformance?f=json", timeout=5)
@@ -123,6 +124,10 @@ def test_jobs_in_the_background_and_chains(server: Server) -> None:
     reply = server.execute("points.filter", {"points": {"href": "a.laz"}}, wait=False)
     assert reply.status_code == 201
     place = reply.headers["Location"]
+    told = reply.json()  # as the standard asks, for clients that read no headers
+    assert place.endswith(f"/jobs/{told['jobID']}")
+    assert (told["processID"], told["status"]) == ("points.filter", "accepted")
+    assert told["links"][0]["href"] == place
     job = server.until(place, is_over)
     assert (job["status"], job["progress"]) == ("successful", 100)
     kept = requests.get(f"{place}/results?f=json", timeout=30).json()["kept"]
@@ -144,6 +149,11 @@ def test_wrong_requests_are_refused_in_words(server: Server) -> None:
     reply = requests.post(url, data=b"[]", timeout=30)
     assert reply.status_code == 400
     assert "must be an object" in reply.json()["description"]
+    assert server.execute("points.nothing", {}).status_code == 404
+    assert requests.get(f"{server.url}/jobs/nothing?f=json", timeout=30).status_code == 404
+    said = (server.folder / "said.txt").read_text()
+    assert "refused: points.filter: 1 problem" in said
+    assert "Traceback" not in said
 
 
 def test_a_second_server_of_an_address_or_of_a_folder_is_refused(server: Server) -> None:

@@ -23,13 +23,44 @@ def plan(id: str, *targets: str, **settings: object) -> TilePlan:
 
 
 def test_steps_that_look_far_run_in_passes_of_their_own() -> None:
-    found = plan("models.terrain", "classified", "dtm", "dsm", "ndsm", "intensity").passes
+    names = ("classified", "dtm", "dsm", "ndsm", "intensity")
+    found = plan("models.terrain", *names).passes
     grids = ("top", "bottom", "heights", "brightness")
     assert [one.local for one in found] == [("clean",), ("ground",), grids]
     # 80 m, 200 m and twice max_gap, not their sum; and half a cell to the highest point
     assert [one.halo for one in found] == pytest.approx([80, 200, 50.5], abs=0.01)
     # No raster waits for another pass, where all of its cells would have to be in memory.
     assert not any(name.endswith(".surface") for one in found[:2] for name in one.keep)
+
+
+def test_rasters_made_of_a_whole_raster_are_made_of_the_whole() -> None:
+    """The planner went round for ever: terrain waits for the pass of what needs level water."""
+    found = plan("models.terrain", "dtm", "dsm", "ndsm", level_water=True).passes
+    assert [one.local for one in found] == [("clean",), ("ground",), ("top", "bottom")]
+    assert found[-1].rest[-2:] == ("level", "heights")
+
+
+ABOVE_WATER = """
+id: my.heights
+title: Points above a terrain with level water
+inputs: {points: {type: PointCloud, help: Points}, lakes: {type: Vector, help: Water}}
+steps:
+  bare: {tool: surface.grid, points: {from: inputs.points}, max_gap: 1}
+  level: {tool: surface.flatten_water, terrain: {from: bare.surface}, water: {from: inputs.lakes}}
+  high:
+    tool: points.sample_raster
+    points: {from: inputs.points}
+    raster: {from: [level.flattened, bare.surface]}
+outputs:
+  heights: {from: high.sampled}
+"""
+
+
+def test_what_a_whole_raster_is_made_of_does_not_wait_for_what_uses_it(tmp_path: Path) -> None:
+    path = tmp_path / "heights.yaml"
+    path.write_text(ABOVE_WATER)
+    found = plan(str(path), "heights").passes
+    assert [(one.local, one.rest) for one in found] == [(("bare",), ("level",)), (("high",), ())]
 
 
 def test_what_nobody_needs_any_more_is_known() -> None:

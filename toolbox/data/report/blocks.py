@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+from toolbox import language
 from toolbox.data.measures import VALUE, row_digits, unit_column
 from toolbox.data.report.columns import Column, column_of, unit_text
 from toolbox.data.table import Table, is_number
@@ -163,9 +164,13 @@ class Rows:
     @property
     def said_once(self) -> str:
         """What all rows have in common, for a caption; "" for nothing."""
-        told = [(self.headings[k][0], self.cells[0][k]) for k in self.alike]
-        parts = [f"{how.heading} {text} {how.unit}".strip() for how, text in told if text]
-        return f"In all rows: {'; '.join(parts)}." if parts else ""
+        alike = [(self.headings[k][0], self.cells[0][k]) for k in self.alike]
+        parts = [
+            f"{language.told(how.heading)} {language.told(text)} {how.unit}".strip()
+            for how, text in alike
+            if text
+        ]
+        return f"{language.text('In all rows')}: {'; '.join(parts)}." if parts else ""
 
     def columns_on(self, *, paper: bool) -> list[int]:
         """The columns that are shown: on paper without those that only a detail needs."""
@@ -272,6 +277,34 @@ class Section:
         """Whether it begins with a table that is printed on a page across."""
         first = next(iter(self.blocks_on(paper=paper)), None)
         return isinstance(first, Rows) and first.is_across(paper=paper)
+
+
+def in_order_of_paper(sections: Sequence[Section]) -> list[Section]:
+    """Sections as a print has them: maps and views, texts and short tables, then long tables.
+
+    Within each of these they keep their order. Wide tables come last, so that pages are turned
+    once.
+
+    Examples
+    --------
+    >>> long, short = (Rows(Table.from_rows([{"class": k} for k in range(n)])) for n in (40, 2))
+    >>> sections = [Section("Long", [long]), Section("Short", [short])]
+    >>> [section.title for section in in_order_of_paper(sections)]
+    ['Short', 'Long']
+    """
+    return sorted(sections, key=_place)
+
+
+def _place(section: Section) -> int:
+    blocks = section.blocks_on(paper=True)
+    tables = [block for block in blocks if isinstance(block, Rows)]
+    if any(isinstance(block, Plot) for block in blocks):
+        return 0
+    if any(table.is_across(paper=True) for table in tables):
+        return 4
+    if section.folded:  # how all was made
+        return 3
+    return 1 if all(table.is_short for table in tables) else 2
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ class Column:
     def text(self, value: Any, digits: int | None = None) -> str:
         """A value of the column as it is shown, with its own digits unless others are given.
 
-        What is rounded to nothing has no sign.
+        What is rounded to nothing has no sign, and nothing at all no row of zeros.
         """
         digits = self.digits if digits is None else digits
         if isinstance(value, bool | np.bool_):
@@ -61,6 +61,8 @@ class Column:
             return cell_text(value)
         if not math.isfinite(value):
             return ""
+        if value == 0 and digits > _MOST_DIGITS:
+            return "0"
         text = f"{float(value) * self.factor:.{digits}f}"
         return text.lstrip("-") if float(text) == 0 else text
 

@@ -104,7 +104,7 @@
     const all = flat(data, group.features.flatMap(([, parts]) => parts));
     const made = { type: "scatter", name: group.name, visible: layer.hidden ? "legendonly" : true, legendgroup: layer.name, legendgrouptitle: { text: layer.name }, hoverinfo: "skip", ...all };
     if (group.shape === "point") return { ...made, mode: "markers", marker: { size: group.features.length > 500 ? 5 : 9, color: group.colour, line: { width: 1, color: "#fff" } } };
-    const line = { color: group.colour, width: 2 };
+    const line = { color: group.colour, width: group.thin ? 1 : 2 };
     if (group.shape === "line") return { ...made, mode: "lines", line };
     return { ...made, mode: "lines", line, fill: "toself", fillcolor: group.colour + "33" };
   };

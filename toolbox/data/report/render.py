@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from toolbox import language
 from toolbox.data.record import checked
-from toolbox.data.report.blocks import Figure, Plot, Rows
+from toolbox.data.report.blocks import Figure, Plot, Rows, in_order_of_paper
+from toolbox.data.report.prose import raised, sentence
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def render(
     interactive = bool(plots) and not on_paper
     return environment.get_template("page.html").render(
         report=report,
+        sections=in_order_of_paper(report.sections) if on_paper else report.sections,
         lang=language.chosen(),
         words={} if language.chosen() == "en" else _words(),
         record=_inside_script(checked(record)) if record else "",
@@ -72,18 +74,6 @@ def render(
         on_paper=on_paper,
         **kinds,
     )
-
-
-def sentence(text: str) -> str:
-    """A text that begins with a large letter, unless its first word is a name in a file.
-
-    Examples
-    --------
-    >>> sentence("all points are alike"), sentence("a.laz: 2 points"), sentence("nDSM is empty")
-    ('All points are alike', 'a.laz: 2 points', 'nDSM is empty')
-    """
-    first = text.split(maxsplit=1)[0].rstrip(":,") if text else ""
-    return text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text
 
 
 def anchor(title: str) -> str:
@@ -158,7 +148,7 @@ def _prose(text: str) -> Markup:
     """A text for the report, in which `names` stand out."""
     from markupsafe import Markup, escape
 
-    return Markup(re.sub(r"`([^`\n]+)`", r"<code>\1</code>", str(escape(text))))
+    return Markup(re.sub(r"`([^`\n]+)`", r"<code>\1</code>", str(escape(raised(text)))))
 
 
 def _json(value: Any) -> Markup:

@@ -16,6 +16,7 @@ import pandas as pd
 from toolbox import language
 from toolbox.data.report.blocks import Rows
 from toolbox.data.report.columns import Column
+from toolbox.data.report.prose import sentence
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ _PROPERTIES = (  # openpyxl's say when, and name spaces as other libraries have 
 _MOST_ROWS = 1_048_575  # that a sheet holds below its head
 _LONGEST_NAME = 31  # characters of the name of a sheet
 _WIDEST = 48  # characters of a column
+_SPARE = 2  # digits more than are shown, for sums; the others tell nothing
 _FORBIDDEN = re.compile(r"[\[\]:*?/\\]")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # that a workbook cannot hold
 
@@ -50,7 +52,7 @@ def write_workbook(report: Report, path: Path) -> None:
     first = book.active
     first.title = language.text("Summary")
     for row in _head(report):
-        first.append([_plain(language.told(cell)) for cell in row])
+        first.append([_plain(cell) for cell in row])
     first.column_dimensions["A"].width, first.column_dimensions["B"].width = 24, 100
     for title, rows in _tables(report):
         if len(rows.table) > _MOST_ROWS:
@@ -60,14 +62,14 @@ def write_workbook(report: Report, path: Path) -> None:
 
 
 def _head(report: Report) -> Iterator[tuple[str, ...]]:
-    yield report.title, ""
-    yield from report.head.facts
+    yield language.told(report.title), ""
+    yield from ((language.told(name), language.told(text)) for name, text in report.head.facts)
     for name, texts in (
         ("Result", report.summary.splitlines()),
         ("Warning", report.head.warnings),
         ("Not looked at", report.head.unseen),
     ):
-        yield from ((name, text) for text in texts)
+        yield from ((language.told(name), sentence(language.told(text))) for text in texts)
 
 
 def _tables(report: Report) -> Iterator[tuple[str, Rows]]:
@@ -111,6 +113,7 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
         own: Sequence[int | None] = rows.row_digits or [column.digits] * len(values)
         for cell, digits in zip(sheet[letter][1:], own, strict=True):
             if digits is not None and isinstance(cell.value, float):
+                cell.value = round(cell.value, digits + _SPARE)
                 cell.number_format = f"0.{'0' * digits}" if digits else "0"
     sheet.freeze_panes = "B2"
     sheet.auto_filter.ref = sheet.dimensions

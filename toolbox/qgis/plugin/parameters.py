@@ -24,6 +24,11 @@ TYPES = {
     "vector": QgsProcessing.SourceType.TypeVectorAnyGeometry,
     "table": QgsProcessing.SourceType.TypeVector,
 }
+SHAPES = {
+    "point": QgsProcessing.SourceType.TypeVectorPoint,
+    "line": QgsProcessing.SourceType.TypeVectorLine,
+    "polygon": QgsProcessing.SourceType.TypeVectorPolygon,
+}
 WORDS = {  # of the kinds of files
     "pointcloud": language.text("Point clouds"),
     "raster": language.text("Rasters"),
@@ -204,7 +209,8 @@ def _input(field: dict[str, Any]) -> Any:
 
 
 def _source(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
-    return Source(name, label, [TYPES[field["type"]]], default, empty)
+    shapes = [SHAPES[shape] for shape in field.get("shapes", ())]
+    return Source(name, label, shapes or [TYPES[field["type"]]], default, empty)
 
 
 def _choice(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:

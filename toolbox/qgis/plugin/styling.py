@@ -1,8 +1,9 @@
 """Sets the colours of results when they are loaded.
 
-The output of a tool may declare the attribute by which points or features are coloured. Otherwise a
-point cloud is drawn by its classes, a raster as relief, as differences about zero or in grey,
-by the description of its band, and features as outlines that hide nothing below.
+The output of a tool may declare the attribute by which points or features are coloured, or the one
+colour of features that are all of one kind. Otherwise a point cloud is drawn by its classes, a
+raster as relief, as differences about zero or in grey, by the description of its band, and features
+as outlines that hide nothing below.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from qgis.core import (
     QgsLineSymbol,
     QgsMapLayerLegendUtils,
     QgsMapLayerType,
+    QgsMarkerSymbol,
     QgsMessageLog,
     QgsNullSymbolRenderer,
     QgsPalLayerSettings,
@@ -45,9 +47,6 @@ from . import language
 
 SAMPLE = 250000  # cells that statistics are taken of
 OUTERMOST = 0.005  # share of cells at either end that would fade all others, as in our plots
-GREY = ("hillshade", "intensity")
-NO_HEIGHT = ("(std)", "(count)", "points", "distance", "error")
-ABOUT_ZERO = ("differ", "change")
 BLUE_RED = ("#2166ac", "#92c5de", "#f7f7f7", "#f4a582", "#b2182b")
 VIRIDIS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
 OF_GEOMETRY = {  # names of settings
@@ -56,7 +55,7 @@ OF_GEOMETRY = {  # names of settings
     QgsWkbTypes.GeometryType.PolygonGeometry: "VECTOR_POLYGON_STYLE",
 }
 MOST = 20  # distinct values of such an attribute
-LINE, THIN, HEAVY = "#1f3a5f", 0.15, 0.5  # colour as in our plots; millimetres
+LINE, THIN, HEAVY, DOT = "#1f3a5f", 0.15, 0.5, 2.0  # colour as in our plots; millimetres
 TEXT, EDGE = 7.0, 0.7  # points, and millimetres around letters
 PLAIN: Mapping[str, Any] = MappingProxyType({})  # says nothing of colours
 
@@ -130,14 +129,14 @@ def style(layer: Any, colours: dict[str, Any], field: Mapping[str, Any] = PLAIN)
         elif "texts" in field:
             _style_texts(layer, **field["texts"])
         else:
-            _style_plainly(layer)
+            _style_plainly(layer, field.get("colour", LINE))
     elif layer.type() == QgsMapLayerType.PointCloudLayer:
         _style_points(layer, colours, classes)
     layer.triggerRepaint()
 
 
 def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
-    name = _band(layer).lower()
+    name, words = _band(layer).lower(), colours["bands"]
     stats = layer.dataProvider().bandStatistics(
         1,
         QgsRasterBandStats.Stats.Min | QgsRasterBandStats.Stats.Max,
@@ -151,16 +150,18 @@ def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
         low, high = stats.minimumValue, stats.maximumValue  # nearly all cells are alike
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         return
-    if any(word in name for word in GREY):
+    if any(word in name for word in words["grey"]):
         _grey(layer, low, high)
         return
-    if any(word in name for word in ABOUT_ZERO) or (" minus " in name and -low > high / 20):
+    changes = any(word in name for word in words["changes"])
+    if changes or (" minus " in name and -low > high / 20):
         far = max(-low, high)
         _ramp(layer, BLUE_RED, -far, far)
         return
     attribute, bracket, _ = name.partition(" (")  # as gridded attributes are named: "z (linear)"
     named = not bracket or attribute == "z" or "height" in attribute or "elevation" in attribute
-    height = named and layer.bandCount() <= 4 and not any(word in name for word in NO_HEIGHT)
+    height = named and layer.bandCount() <= 4
+    height = height and not any(word in name for word in words["no_heights"])
     _ramp(layer, colours["relief"] if height else VIRIDIS, low, high)
     if height and layer.elevationProperties() is not None:  # QGIS 3.24: for profiles and 3D
         layer.elevationProperties().setEnabled(True)
@@ -225,18 +226,21 @@ def _style_features(layer: Any, colours: dict[str, Any], classes: dict[str, Any]
     layer.setRenderer(QgsCategorizedSymbolRenderer(name, categories))
 
 
-def _style_plainly(layer: Any) -> None:
+def _style_plainly(layer: Any, colour: str) -> None:
     """Lines, and polygons without a filling, which would hide what is below."""
     kind = layer.geometryType()
     if kind == QgsWkbTypes.GeometryType.PolygonGeometry:
-        looks = {"style": "no", "outline_color": LINE, "outline_width": str(HEAVY)}
+        looks = {"style": "no", "outline_color": colour, "outline_width": str(HEAVY)}
         layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(looks)))
     elif kind == QgsWkbTypes.GeometryType.LineGeometry:
-        layer.setRenderer(QgsSingleSymbolRenderer(_line(HEAVY)))
+        layer.setRenderer(QgsSingleSymbolRenderer(_line(HEAVY, colour)))
+    elif colour != LINE:
+        looks = {"color": colour, "size": str(DOT)}
+        layer.setRenderer(QgsSingleSymbolRenderer(QgsMarkerSymbol.createSimple(looks)))
 
 
-def _line(width: float) -> Any:
-    return QgsLineSymbol.createSimple({"color": LINE, "width": str(width)})
+def _line(width: float, colour: str = LINE) -> Any:
+    return QgsLineSymbol.createSimple({"color": colour, "width": str(width)})
 
 
 def _style_isolines(layer: Any, attribute: str, heavy: str) -> None:

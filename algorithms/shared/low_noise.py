@@ -7,13 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.kernels.squares import numbered
+from algorithms.shared.kernels.squares import add_slices, numbered, slice_ends
 
 SQUARE = 4.0  # metres: so far from a point its like are looked for, beyond its own square
 SLICE, BAND = 0.5, 3  # metres of height, finer leaves less noise; slices of a band: 1.5 m
 SHARE = 0.2  # of the points of a square that a surface has; crowns and steep slopes have fewer
 TIMES = 10  # points of a surface in a square, for each at the height of a point in all nine
 FEWEST = 4  # points, so that a surface has 40 in a square; of fewer (2.5 per m2) nothing is said
+DENSE = 4  # numbers per point that take less to count than points to sort
 DEEPEST = 100_000  # slices from the middle, 50 km, so that stray heights overflow no number
 
 REACH = 2 * math.sqrt(2) * SQUARE  # metres, of points that decide on another one
@@ -50,7 +51,7 @@ def scattered_below(xyz: Floats, metre: float) -> Mask:
     if not len(xyz):
         return np.zeros(0, bool)
     own, row, span = _numbered(xyz, metre)
-    keys, counts = np.unique(own, return_counts=True)
+    keys, counts = _held(own)
     densest = _densest_above(keys, counts, span)
     below = np.flatnonzero(densest >= TIMES * FEWEST)
     few = TIMES * _around(keys, counts, keys[below], row, span) <= densest[below]
@@ -69,15 +70,23 @@ def _numbered(xyz: Floats, metre: float) -> tuple[Ints, int, int]:
     squares and an empty square between two rows, so that what is next to a number is beside it.
     """
     own, cols = numbered(xyz, SQUARE * metre, 1)
-    levels = np.floor(xyz[:, 2] / (SLICE * metre))
-    if np.ptp(levels) > DEEPEST:  # else none is so far from the middle
-        middle = np.median(levels)
-        np.clip(levels, middle - DEEPEST, middle + DEEPEST, out=levels)
-    levels -= levels.min() - 1
-    span = int(levels.max()) + 2
-    own *= span
-    own += levels.astype(np.int64)
+    lowest, highest = slice_ends(xyz, SLICE * metre)
+    if highest - lowest > DEEPEST:  # else none is so far from the middle
+        middle = np.median(np.floor(xyz[:, 2] / (SLICE * metre)))
+        lowest, highest = max(lowest, middle - DEEPEST), min(highest, middle + DEEPEST)
+    span = int(highest - lowest) + 3
+    add_slices(own, xyz, SLICE * metre, lowest, highest, span)
     return own, int(cols) * span, span
+
+
+def _held(numbers: Ints) -> tuple[Ints, Ints]:
+    """The numbers that occur, in order, and how often."""
+    if numbers.max() > DENSE * len(numbers):
+        keys, counts = np.unique(numbers, return_counts=True)
+        return keys, counts
+    counts = np.bincount(numbers)
+    keys = np.flatnonzero(counts)
+    return keys, counts[keys]
 
 
 def _densest_above(keys: Ints, counts: Ints, span: int) -> Ints:

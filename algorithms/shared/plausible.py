@@ -7,7 +7,14 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.spatial import cKDTree
 
-from algorithms.shared.kernels.squares import layers_above, numbered, tops
+from algorithms.shared.kernels.squares import (
+    bottoms,
+    held,
+    layers_above,
+    near_bottom,
+    numbered,
+    tops,
+)
 from toolbox.context import log
 from toolbox.data.crs import horizontal_crs, length_problem
 
@@ -104,7 +111,9 @@ def _inner_spreads(cells: Ints, z: Floats) -> Floats:
 
 
 def squares_of(xyz: Floats, metre: float) -> Ints:
-    """Number from 0 of the square of :data:`SQUARE` metres in which each of n points lies.
+    """Number of the square of :data:`SQUARE` metres in which each of n points lies, row by row.
+
+    Numbers begin at 0, and not all of them are those of a square with points.
 
     Parameters
     ----------
@@ -117,10 +126,11 @@ def squares_of(xyz: Floats, metre: float) -> Ints:
 
     Examples
     --------
-    >>> squares_of(np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.5, 0.0, 9.0]]), 1.0)
+    >>> squares_of(np.array([[0.0, 0.0, 0.0], [7.0, 0.0, 0.0], [0.5, 0.0, 9.0]]), 1.0)
     array([0, 1, 0])
     """
-    return _counted_through(_cells(xyz, SQUARE * metre)[0])[1]
+    squares = _cells(xyz, SQUARE * metre)[0]
+    return _counted_through(squares)[1] if _is_stretched(squares) else squares
 
 
 def hidden_share(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> float:
@@ -160,7 +170,9 @@ def hidden_share(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> floa
     return float(np.mean(densest[with_ground] >= TIMES * counts[with_ground]))
 
 
-def second_layer(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> tuple[float, float]:
+def second_layer(
+    xyz: Floats, ground: Mask, squares: Ints, metre: float, kept: Mask | None = None
+) -> tuple[float, float]:
     """Share of squares with a second layer at one height above the ground, and that height.
 
     Two surveys in different height systems, or two flights that do not fit, are two surfaces at one
@@ -173,6 +185,7 @@ def second_layer(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> tupl
     ground : array of shape (n,), those that were found
     squares : array of shape (n,), see :func:`squares_of`
     metre : length of one metre in the unit of the points
+    kept : array of shape (n,), the points to look at, with all of the ground; None for all
 
     Returns
     -------
@@ -186,37 +199,37 @@ def second_layer(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> tupl
     >>> round(share, 2), round(height, 2)
     (1.0, 12.0)
     """
-    counts = np.bincount(squares[ground], minlength=int(squares.max()) + 1)
+    kept = np.ones(len(xyz), bool) if kept is None else kept
+    counts, _ = tops(squares, ground, xyz, int(squares.max()) + 1)
     chosen = np.flatnonzero(counts >= SOME)
-    if not len(chosen) or ground.all():
+    if not len(chosen) or np.count_nonzero(ground) == np.count_nonzero(kept):
         return 0.0, 0.0
     chosen = chosen[:: -(-len(chosen) // LOOKED_AT)]
     number = np.full(len(counts), -1)
     number[chosen] = np.arange(len(chosen))
-    square, rise = _rises(xyz, ground, number[squares], metre)
+    index = held(squares, number, kept)
+    square, rise = _rises(xyz.take(index, axis=0) / metre, ground[index], number[squares[index]])
     layers = ((rise - CLEAR) / LAYER).astype(np.int64)
-    kept = (rise >= CLEAR) & (rise < DEEPEST)
-    if not kept.any():
+    above = (rise >= CLEAR) & (rise < DEEPEST)
+    if not above.any():
         return 0.0, 0.0
-    held = np.zeros((len(chosen), int(layers[kept].max()) + 2), np.int64)
-    np.add.at(held, (square[kept], layers[kept]), 1)
-    pairs = held[:, :-1] + held[:, 1:]  # a layer may lie across the border of two
-    least = np.maximum(HALF * counts[chosen], QUARTER * held.sum(axis=1))
+    points = np.zeros((len(chosen), int(layers[above].max()) + 2), np.int64)
+    np.add.at(points, (square[above], layers[above]), 1)
+    pairs = points[:, :-1] + points[:, 1:]  # a layer may lie across the border of two
+    least = np.maximum(HALF * counts[chosen], QUARTER * points.sum(axis=1))
     shares = (pairs >= least[:, None]).mean(axis=0)
     best = int(shares.argmax())
     if shares[best] == 0.0:
         return 0.0, 0.0
-    within = kept & (layers >= best) & (layers <= best + 1)
+    within = above & (layers >= best) & (layers <= best + 1)
     return float(shares[best]), float(np.median(rise[within]))
 
 
-def _rises(xyz: Floats, ground: Mask, square: Ints, metre: float) -> tuple[Ints, Floats]:
+def _rises(points: Floats, ground: Mask, square: Ints) -> tuple[Ints, Floats]:
     """Squares of the points that are not ground, and metres above the next ground of that square.
 
-    Points whose square is negative are not looked at.
+    Points are in metres, shape (n, 3).
     """
-    used = square >= 0
-    points, square, ground = xyz[used] / metre, square[used], ground[used]
     # Squares are put far from each other, so that the next point is of the same one.
     places = np.column_stack([points[:, :2], square * 1e3])
     _, next_ground = cKDTree(places[ground]).query(places[~ground])
@@ -269,7 +282,9 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
         log.warning("%s", problem)
 
 
-def two_surfaces(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> str | None:
+def two_surfaces(
+    xyz: Floats, ground: Mask, squares: Ints, metre: float, kept: Mask | None = None
+) -> str | None:
     """What is wrong with points that are two surfaces, as a clause; None if they are one.
 
     Parameters are those of :func:`second_layer`.
@@ -283,7 +298,7 @@ def two_surfaces(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> str 
     >>> two_surfaces(one, ground[:1600], squares_of(one, 1.0), 1.0) is None
     True
     """
-    share, height = second_layer(xyz, ground, squares, metre)
+    share, height = second_layer(xyz, ground, squares, metre, kept)
     if share <= TWICE:
         return None
     return (
@@ -306,8 +321,10 @@ def is_on_map(crs: CRS | None) -> bool:
     return bool(horizontal_crs(crs).is_projected)
 
 
-def two_surveys(xyz: Floats, metre: float) -> str | None:
+def two_surveys(xyz: Floats, metre: float, kept: Mask | None = None) -> str | None:
     """As :func:`two_surfaces`, where nobody has said yet what is ground: the lowest of each square.
+
+    Of millions of points `kept` takes less than a copy of those that it holds.
 
     Examples
     --------
@@ -315,12 +332,13 @@ def two_surveys(xyz: Floats, metre: float) -> str | None:
     >>> two_surveys(one, 1.0) is None, two_surveys(np.vstack([one, one + [0, 0, 12]]), 1.0) is None
     (True, False)
     """
-    if len(xyz) < FEW:
+    kept = np.ones(len(xyz), bool) if kept is None else kept
+    if np.count_nonzero(kept) < FEW:
         return None
     squares = squares_of(xyz, metre)
-    low = np.full(int(squares.max()) + 1, np.inf)
-    np.minimum.at(low, squares, xyz[:, 2])
-    return two_surfaces(xyz, xyz[:, 2] - low[squares] < CLEAR * metre, squares, metre)
+    low = bottoms(squares, kept, xyz, int(squares.max()) + 1)
+    ground = near_bottom(squares, kept, xyz, low, CLEAR * metre)
+    return two_surfaces(xyz, ground, squares, metre, kept)
 
 
 def is_upright(xyz: Floats, metre: float) -> bool:
@@ -342,14 +360,19 @@ def is_upright(xyz: Floats, metre: float) -> bool:
 
 def _counted_through(cells: Ints) -> tuple[Ints, Ints]:
     """The cells with points, in order, and for each point which of them is its own."""
-    size = int(cells.max()) + 1
-    if size > max(FEW_CELLS, 2 * len(cells)):  # stray points stretch the box
+    if _is_stretched(cells):
         places, own = np.unique(cells, return_inverse=True)
         return places, own
+    size = int(cells.max()) + 1
     places = np.flatnonzero(np.bincount(cells, minlength=size))
     number = np.zeros(size, np.int64)
     number[places] = np.arange(len(places))
     return places, number[cells]
+
+
+def _is_stretched(cells: Ints) -> bool:
+    """Whether stray points stretch the box of the cells, of which most are then empty."""
+    return bool(cells.max(initial=0) >= max(FEW_CELLS, 2 * len(cells)))
 
 
 def _cells(xyz: Floats, size: float) -> tuple[NDArray[np.int64], int]:

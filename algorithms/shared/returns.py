@@ -32,11 +32,12 @@ class ReturnNumbers:
 
     Attributes
     ----------
-    number, count : arrays of shape (n,), return number and number of returns of the pulse
+    number, count : arrays of shape (n,), return number and number of returns of the pulse; of 16
+        bits where they came in 8, as in LAS, which are looked at faster than 64
     """
 
-    number: Ints
-    count: Ints
+    number: NDArray[np.integer]
+    count: NDArray[np.integer]
 
     @classmethod
     def of(cls, cloud: PointCloud) -> ReturnNumbers:
@@ -49,7 +50,10 @@ class ReturnNumbers:
         """
         if not has_numbers(cloud):
             return cls(np.zeros(len(cloud), np.int64), np.zeros(len(cloud), np.int64))
-        return cls(*(cloud[name].astype(np.int64) for name in NAMES))
+        given = [cloud[name] for name in NAMES]
+        narrow = all(values.dtype == np.uint8 for values in given)
+        wide: type[np.integer] = np.int16 if narrow else np.int64
+        return cls(*(np.asarray(values, wide) for values in given))
 
     @property
     def known(self) -> Mask:

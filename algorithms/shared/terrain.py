@@ -29,10 +29,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import (
     distance_transform_edt,
     maximum_filter,
+    minimum_filter,
     uniform_filter,
 )
 
-from algorithms.shared.breaklines import taken_back
+from algorithms.shared.breaklines import off_tops, taken_back
 from algorithms.shared.kernels import terrain as kernels
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
@@ -59,6 +60,8 @@ SLOPE, SLOPE_GAIN = 0.2, 1.0  # what counts as a fall, on level ground and per s
 RELIEF = 50  # metres: half the window in which the slope of the terrain is averaged
 FLAT, STEEP = 0.02, 0.06  # mean slope of the terrain between which the verdict changes ...
 SHARE_FLAT, SHARE_STEEP = 0.45, 0.7  # ... from this share of sectors to that
+HILLSIDE = 0.45  # slope of the terrain, in the mean of 100 m, from which ground hides houses uphill
+WIDE = 3  # cells; what is narrower, as a shrub, makes no step for what lies above it
 SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = (
     0.2,
     0.2,
@@ -95,6 +98,8 @@ class Terrain:
     bend : array of the same shape, how far they follow edges off a smooth surface, in metres
     tolerance : array of shape (2, rows / 8, cols / 8), how far ground may lie above the terrain:
         metres on level ground, and metres more per slope
+    lowest : array of shape (rows, cols), height of the lowest point of each cell, in metres
+    ground : array of the same shape, where that is a point of the ground
     lattice : cells of a metre, in the unit of the coordinates
     metre : length of one metre in that unit
 
@@ -109,6 +114,8 @@ class Terrain:
     heights: Floats
     bend: Floats
     tolerance: Floats
+    lowest: Cells
+    ground: NDArray[np.bool_]
     lattice: Lattice
     metre: float
 
@@ -162,9 +169,9 @@ def find_terrain(
     heights[distance_transform_edt(~candidates) > FAR] = np.nan
     widest = np.empty((2, *share.shape))
     widest[0], widest[1] = TOLERANCE, SLOPE_TOLERANCE
-    terrain = Terrain(heights, bend, widest, lattice, metre)
+    terrain = Terrain(heights, bend, widest, z, ground, lattice, metre)
     tolerance = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
-    for array in (heights, bend, tolerance):
+    for array in (heights, bend, tolerance, z, ground):
         array.flags.writeable = False
     return replace(terrain, tolerance=tolerance)
 
@@ -180,7 +187,8 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     """True for points near the terrain, and the confidence of that.
 
     Ground may lie above the terrain by the tolerance, which follows the scatter of the ground and
-    grows with slope, and below it by three times that and a metre.
+    grows with slope, and below it by three times that and a metre. What continues the ground at the
+    top of an upright step, whose foot is in the same cell, is ground, too.
 
     Parameters
     ----------
@@ -208,6 +216,9 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     """
     require_finite(xyz)
     ground, confidence = np.empty(len(xyz), bool), np.empty(len(xyz))
+    beside = np.empty(len(xyz), np.int32)
+    at_ground = np.where(terrain.ground, terrain.lowest, np.float32(-np.inf))
+    highest = np.where(terrain.ground, maximum_filter(at_ground, 3, mode="nearest"), -np.inf)
     side_by_side(
         kernels.verdicts,
         blocks(len(xyz), 10),
@@ -216,9 +227,19 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
         terrain.tolerance,
         TOLERANCE,
         BELOW,
+        highest,
         ground,
         confidence,
+        beside,
     )
+    asked = np.flatnonzero(beside >= 0)
+    off = off_tops(
+        beside[asked],
+        (xyz[asked, 2] / terrain.metre).astype(np.float32),
+        *(terrain.lowest, terrain.ground, share_with_points(terrain.lowest)),
+    )
+    tops = asked[off <= 1]
+    ground[tops], confidence[tops] = True, 1 - off[off <= 1]
     return ground, confidence
 
 
@@ -281,9 +302,9 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     in the way of what it hid.
     """
     has = np.isfinite(z)
-    step = steep_steps(z, ctx.part(0.0, 0.1))
+    thin, step = steps_below(z, ctx.part(0.0, 0.1))
     slope = np.full(z.shape, FIRST_SLOPE, np.float32)
-    votes = raised_share(z, has, slope, step, ctx.part(0.1, 0.4))
+    votes = raised_share(z, has, slope, thin, step, ctx.part(0.1, 0.4))
     coarse = robust_surface(
         z, has & (votes < FIRST_SHARE), COARSE, STIFF_COARSE, ctx.part(0.4, 0.45)
     )
@@ -291,14 +312,43 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     bend = np.clip((relief - FLAT) / (STEEP - FLAT), 0, 1)
     share = SHARE_FLAT + (SHARE_STEEP - SHARE_FLAT) * bend
     slope = np.minimum(SLOPE + SLOPE_GAIN * slope, 1.0)
+    level, hillside = without_trend(z, coarse)
     ground = has
     for k in range(2):
         part = ctx.part(0.45 + 0.25 * k, 0.7 + 0.25 * k)
-        votes = raised_share(z, ground, slope, step, part.part(0, 0.8))
+        votes = raised_share(z, ground, slope, thin, step, part.part(0, 0.4))
+        if hillside.any():
+            sides = raised_share(level, ground, slope, thin, step, part.part(0.4, 0.8))
+            votes = np.where(hillside, np.maximum(votes, sides), votes)
         ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < share)
     ground &= ~raised_sections(z)
     ctx.progress(1.0)
     return ground
+
+
+def without_trend(z: Cells, surface: Floats) -> tuple[Cells, NDArray[np.bool_]]:
+    """Heights above the mean of a surface in windows of 100 m, and where that is a hillside.
+
+    The ground behind a house on a hillside is as high as its roof within a few metres, so that all
+    sectors uphill speak for ground, and some of those along the slope; above the trend the house
+    stands out on all sides. On gentler slopes the ground behind stays below the roof, and edges of
+    terraces and banks would stand out as well.
+
+    Examples
+    --------
+    >>> slope = 0.7 * np.tile(np.arange(300.0), (9, 1))
+    >>> level, hillside = without_trend(slope.astype(np.float32) + 3, slope)
+    >>> round(float(level[4, 150]), 1), bool(hillside[4, 150])
+    (3.0, True)
+    """
+    known = np.isfinite(surface)
+    total, count = (
+        uniform_filter(each, 2 * RELIEF + 1, mode="nearest")
+        for each in (np.where(known, surface, 0.0), known.astype(float))
+    )
+    trend = np.where(known, total / np.maximum(count, 1e-9), np.nan)
+    south, east = np.gradient(trend)
+    return (z - trend).astype(np.float32), np.hypot(south, east) > HILLSIDE
 
 
 def raised_sections(z: Cells) -> NDArray[np.bool_]:
@@ -325,6 +375,33 @@ def raised_sections(z: Cells) -> NDArray[np.bool_]:
     return np.asarray((there & raised[parent]).reshape(z.shape))
 
 
+def steps_below(z: Cells, ctx: Context) -> tuple[NDArray[np.bool_], Cells]:
+    """Which cells stand out of a surface without what is thin, and steep steps without it and with.
+
+    A bank with shrubs falls off gradually, and that these do so in steps says nothing of its top.
+    Only for what is thin itself, as crowns are, all steps count.
+
+    Returns
+    -------
+    thin : array of shape (rows, cols), whether a cell is more than STEP above the opened surface
+    step : array of shape (2, rows / 2, cols / 2), steps of the opened surface, and of all cells
+
+    References
+    ----------
+    Zhang, K. et al. (2003). A progressive morphological filter for removing nonground measurements
+    from airborne LIDAR data. IEEE TGRS 41(4), 872-882: opening takes out what is narrow.
+    """
+    has = np.isfinite(z)
+    low = minimum_filter(np.where(has, z, np.float32(np.inf)), WIDE)
+    opened = maximum_filter(np.where(np.isfinite(low), low, np.float32(-np.inf)), WIDE)
+    opened[~has] = np.nan
+    halves = ctx.part(0.0, 0.5), ctx.part(0.5, 1.0)
+    step = np.stack(
+        [steep_steps(each, part) for each, part in zip((opened, z), halves, strict=True)]
+    )
+    return z - opened > STEP, step
+
+
 def steep_steps(z: Cells, ctx: Context) -> Cells:
     """The largest step down within STEP_REACH of each 2 x 2 cells, shape (rows / 2, cols / 2)."""
     step = np.empty_like(z)
@@ -336,9 +413,17 @@ def steep_steps(z: Cells, ctx: Context) -> Cells:
 
 
 def raised_share(
-    z: Cells, ground: NDArray[np.bool_], slope: Cells, step: Cells, ctx: Context
+    z: Cells,
+    ground: NDArray[np.bool_],
+    slope: Cells,
+    thin: NDArray[np.bool_],
+    step: Cells,
+    ctx: Context,
 ) -> Cells:
-    """Share of the eight sectors in which each cell drops abruptly to cells of `ground`."""
+    """Share of the eight sectors in which each cell drops abruptly to cells of `ground`.
+
+    `thin` and `step` are those of :func:`steps_below`.
+    """
     low = np.where(ground, z, np.float32(np.inf))
     lows = []
     for _ in range(LEVELS):
@@ -353,6 +438,7 @@ def raised_share(
         LOOK,
         *sectors(),
         slope,
+        thin,
         step,
         FALL,
         STEP,

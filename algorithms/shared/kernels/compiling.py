@@ -27,3 +27,13 @@ rough_sums = njit(  # type: ignore[call-overload]
     no_cfunc_wrapper=True,
     fastmath={"reassoc", "nsz", "contract"},
 )
+
+# A helper that becomes a part of each loop that calls it, and divides without asking for zero: so
+# that a loop without branches computes several values at once.
+inlined = njit(  # type: ignore[call-overload]
+    nogil=True,
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+    error_model="numpy",
+)

@@ -71,3 +71,59 @@ def layers_above(squares, xyz, top, metre, clear, thick):
             above[count], layers[count] = squares[i], int(height / thick)
             count += 1
     return above[:count], layers[:count]
+
+
+@njit(cache=True, nogil=True)
+def bottoms(squares, kept, xyz, size):
+    """Lowest height of the kept points of each square, infinite without any."""
+    low = np.full(size, np.inf)
+    for i in range(len(squares)):
+        if kept[i]:
+            low[squares[i]] = min(low[squares[i]], xyz[i, 2])
+    return low
+
+
+@njit(cache=True, nogil=True)
+def near_bottom(squares, kept, xyz, low, reach):
+    """Whether each point is kept, and less than `reach` above the lowest of its square."""
+    near = np.zeros(len(squares), np.bool_)
+    for i in range(len(squares)):
+        near[i] = kept[i] and xyz[i, 2] - low[squares[i]] < reach
+    return near
+
+
+@njit(cache=True, nogil=True)
+def held(squares, number, kept):
+    """Indices of the kept points whose square has a number from 0 on."""
+    count = 0
+    for i in range(len(squares)):
+        if kept[i] and number[squares[i]] >= 0:
+            count += 1
+    index = np.empty(count, np.int64)
+    count = 0
+    for i in range(len(squares)):
+        if kept[i] and number[squares[i]] >= 0:
+            index[count] = i
+            count += 1
+    return index
+
+
+@njit(cache=True, nogil=True)
+def slice_ends(xyz, thick):
+    """Lowest and highest number of the slices of height that hold points."""
+    lowest, highest = np.inf, -np.inf
+    for i in range(len(xyz)):
+        level = np.floor(xyz[i, 2] / thick)
+        lowest, highest = min(lowest, level), max(highest, level)
+    return lowest, highest
+
+
+@njit(cache=True, nogil=True)
+def add_slices(squares, xyz, thick, lowest, highest, span):
+    """Make numbers of squares those of slices, of which each square has `span`, the first empty.
+
+    Points below `lowest` and above `highest` count for those.
+    """
+    for i in range(len(xyz)):
+        level = min(max(np.floor(xyz[i, 2] / thick), lowest), highest)
+        squares[i] = squares[i] * span + int(level - lowest) + 1

@@ -92,11 +92,26 @@ def _is_abrupt(step, r, c, south, east, least):
 
 @njit(cache=True, nogil=True)
 def raised(
-    first, last, z, lows, look, offsets, starts, nearest, slope, step, fall, least, share, out
+    first,
+    last,
+    z,
+    lows,
+    look,
+    offsets,
+    starts,
+    nearest,
+    slope,
+    thin,
+    step,
+    fall,
+    least,
+    share,
+    out,
 ):
     """Share of the sectors with data in which the terrain falls off abruptly from each cell.
 
-    At least half the sectors are counted as having data. `least` and `share` (of the whole way
+    At least half the sectors are counted as having data. `step` has the steps that count for cells
+    that are not `thin`, and for those that are. `least` and `share` (of the whole way
     down) say how much of the fall must be in one step; for the others see `_falls`.
     """
     way, limit = np.empty((8, 3)), np.empty(8)
@@ -120,7 +135,7 @@ def raised(
                 count += (seen >> k) & 1
                 if (falls >> k) & 1:
                     need = max(least, share * (z[r, c] - way[k, 2]))
-                    votes += _is_abrupt(step, r, c, way[k, 0], way[k, 1], need)
+                    votes += _is_abrupt(step[int(thin[r, c])], r, c, way[k, 0], way[k, 1], need)
             out[r, c] = votes / max(count, 4)
 
 
@@ -355,18 +370,33 @@ def heights_above(first, last, xyz, metre, left, top, surface, height):
 
 @njit(cache=True, nogil=True)
 def verdicts(
-    first, last, xyz, metre, left, top, surface, bend, tolerance, least, below, ground, confidence
+    first,
+    last,
+    xyz,
+    metre,
+    left,
+    top,
+    surface,
+    bend,
+    tolerance,
+    least,
+    below,
+    highest,
+    ground,
+    confidence,
+    beside,
 ):
     """Whether points are ground, and how sure that is; see :func:`terrain.verdict`.
 
     The rasters begin `left` and `top` metres from the origin of the coordinates. `tolerance` is
     that of level ground and that per slope, of shape (2, rows / 8, cols / 8), in metres; `least` is
     that beside which bends and heights beyond the limit count, `below` how many times as deep
-    ground may lie.
+    ground may lie. `beside` receives the cell of points that may be at the top of a step, -1
+    elsewhere: they are above the limit, and at most by `least` above the `highest` ground beside.
     """
     for k in range(first, last):
         row, col = _place(xyz, k, metre, left, top, surface.shape)
-        ground[k], confidence[k] = False, 1.0
+        ground[k], confidence[k], beside[k] = False, 1.0, -1
         if math.isnan(row):
             continue
         height, slope = _between(surface, row, col)
@@ -382,6 +412,9 @@ def verdicts(
             ground[k], sure = True, 1 - abs(residual) / limit - abs(bent) / wide
         else:
             sure = (abs(residual) - limit) / (wide if residual > 0 else limit)
+            i, j = int(row + 0.5), int(col + 0.5)
+            if residual > 0 and xyz[k, 2] / metre <= highest[i, j] + least:
+                beside[k] = i * surface.shape[1] + j
         confidence[k] = min(max(sure, 0.0), 1.0)
 
 

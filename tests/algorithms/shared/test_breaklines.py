@@ -9,16 +9,26 @@ import pytest
 from numpy.typing import NDArray
 
 from algorithms.shared import breaklines
-from algorithms.shared.breaklines import LEAST, STIFF, learned, off_continuations, taken_back
+from algorithms.shared.breaklines import (
+    HALF,
+    LEAST,
+    QUARTER,
+    STIFF,
+    learned,
+    off_continuations,
+    off_tops,
+    taken_back,
+)
 from toolbox.context import QUIET
 
 Cells = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 FULL = np.ones((8, 8))
+ALL = np.arange(4096)  # the cells of 64 x 64
 
 
-def brute_off(z: Cells, ground: Mask, r: int, c: int, radius: float) -> float:
-    """The height above the best plane through a half disc, by weighted least squares."""
+def brute_off(z: Cells, ground: Mask, r: int, c: int, radius: float, wide: int) -> float:
+    """The height above the best plane through a part of a disc, by weighted least squares."""
     best = math.inf
     rows, cols = np.nonzero(ground)
     y, x = rows - r, cols - c
@@ -27,7 +37,7 @@ def brute_off(z: Cells, ground: Mask, r: int, c: int, radius: float) -> float:
     y, x, v, away = y[inside], x[inside], z[rows, cols][inside] - z[r, c], away[inside]
     octant = np.floor(8 * ((np.arctan2(y, x) / math.tau + 1 - 1e-9) % 1)).astype(int)
     for side in range(8):
-        half = ((octant - side) % 8) < 4
+        half = ((octant - side) % 8) < wide
         if half.sum() < LEAST:
             continue
         w = (1 - (away[half] / radius) ** 2) ** 2
@@ -42,19 +52,21 @@ def brute_off(z: Cells, ground: Mask, r: int, c: int, radius: float) -> float:
     return best
 
 
+@pytest.mark.parametrize("wide", [HALF, QUARTER])
 @pytest.mark.parametrize("radius", [3.0, 5.5, 8.0])
-def test_off_continuations_are_those_of_half_discs(radius: float) -> None:
+def test_off_continuations_are_those_of_parts_of_discs(radius: float, wide: int) -> None:
     rng = np.random.default_rng(1)
     z = np.cumsum(rng.normal(0, 0.3, (32, 48)), axis=1).astype(np.float32)
     z[rng.random(z.shape) < 0.3] = np.nan
     ground = np.isfinite(z) & (rng.random(z.shape) < 0.5)
     ground[:, 20:26] = False
-    asked = np.isfinite(z) & ~ground
-    off = off_continuations(z, ground, asked, np.full((4, 6), radius), QUIET)
-    assert np.isinf(off[~asked]).all()
-    expected = [brute_off(z, ground, r, c, radius) for r, c in np.argwhere(asked)]
-    np.testing.assert_allclose(off[asked], expected, atol=1e-4)
-    assert np.isinf(expected).any() == (radius < 4)
+    asked = np.flatnonzero(np.isfinite(z) & ~ground)
+    share = np.full((4, 6), 2 * breaklines.HALF_DISC / (math.pi * radius**2))
+    off = off_continuations(asked, z.ravel()[asked], z, ground, share, QUIET, wide=wide)
+    places = np.column_stack(np.unravel_index(asked, z.shape))
+    expected = [brute_off(z, ground, r, c, radius, wide) for r, c in places]
+    np.testing.assert_allclose(off, expected, atol=1e-4)
+    assert np.isinf(expected).any() == (radius < 2 + 8 / wide)  # too little ground within it
 
 
 def test_edge_and_ridge_are_taken_back_but_no_bush() -> None:
@@ -111,16 +123,57 @@ def test_what_lies_on_the_ground_by_chance_is_left() -> None:
     ],
 )
 def test_how_far_off_ground_may_be_is_learned(mixed: list[float], allowed: float) -> None:
-    off = np.resize(np.array(mixed, np.float32), (64, 64))
-    assert learned(off)[2, 2] == pytest.approx(allowed)
-    assert learned(np.full((64, 64), np.inf, np.float32)).max() == 0
+    off = np.resize(np.array(mixed, np.float32), 4096)
+    assert learned(off, ALL, (64, 64))[2, 2] == pytest.approx(allowed)
+    assert learned(np.full(4096, np.inf, np.float32), ALL, (64, 64)).max() == 0
 
 
 def test_a_single_point_changes_what_is_learned_by_little() -> None:
     """Within and beyond a step are as many: a point more beyond, or one less, decides nothing."""
-    off = np.resize(np.array([0.1] * 9 + [0.25] * 8, np.float32), (64, 64))
-    found = learned(off)
+    off = np.resize(np.array([0.1] * 9 + [0.25] * 8, np.float32), 4096)
+    found = learned(off, ALL, (64, 64))
     assert 0.01 < found[2, 2] < 0.8
     for height in (0.1, 0.25):
-        off[32, 32] = height
-        np.testing.assert_allclose(learned(off), found, rtol=0, atol=0.02)
+        off[32 * 64 + 32] = height
+        np.testing.assert_allclose(learned(off, ALL, (64, 64)), found, rtol=0, atol=0.02)
+
+
+def stepped(count: int) -> tuple[Cells, NDArray[np.int64], Cells]:
+    """A step of 4 m along a cell, its lowest points at the foot, and points at the top of it."""
+    z = np.zeros((64, 64), np.float32)
+    z[:, 32:] = 4.0
+    cells = np.resize(np.arange(31, 4096, 64), count)
+    return z, cells, np.full(count, 4.05, np.float32)
+
+
+def test_tops_of_steps_are_told_from_plants_at_any_angle() -> None:
+    """Half discs would hold the foot of the step as well, unless it runs along their edge."""
+    rows, cols = np.mgrid[:64, :64]
+    for angle in np.radians([0, 20, 45, 70]):
+        away = (cols - 32) * np.cos(angle) + (rows - 32) * np.sin(angle)
+        z = np.where(away > 0.7, 4.0, 0.0).astype(np.float32)  # the lowest points of the cells
+        top = np.repeat(np.flatnonzero(np.abs(away - 0.35) <= 0.35), 5)  # half of the cell and more
+        plant = np.flatnonzero((away < -5) & (rows % 5 == 0))
+        heights = np.resize(np.float32([0.6, 1.1, 1.7]), len(top) + len(plant))
+        heights[: len(top)] = 4.1
+        cells = np.concatenate([top, plant])
+        off = off_tops(cells, heights, z, np.ones(z.shape, bool), FULL)
+        assert (off[: len(top)] <= 1).mean() > 0.95
+        assert (off[len(top) :] > 1).all()
+
+
+@pytest.mark.parametrize(
+    ("count", "others", "ground"),
+    [
+        (30, 0, False),  # fewer than twice the few that have to be outnumbered
+        (400, 0, True),
+        (400, 100, True),
+        (400, 220, False),  # so many are on the continuation by chance, too
+    ],
+)
+def test_few_or_mixed_points_are_no_tops(count: int, others: int, ground: bool) -> None:
+    z, cells, heights = stepped(count + others)
+    heights[count:] = 4.25
+    off = off_tops(cells, heights, z, np.ones(z.shape, bool), FULL)
+    assert (off[:count] <= 1).any() == ground
+    assert (off[count:] > 1).all()

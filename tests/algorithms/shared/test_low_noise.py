@@ -9,7 +9,8 @@ from scenes.layers import cloud
 from scenes.towns import EAST, NORTH, inside, plane
 
 from algorithms.ground.classify import GroundClassify
-from algorithms.shared.low_noise import DEEPEST, REACH, SLICE, scattered_below
+from algorithms.shared import low_noise
+from algorithms.shared.low_noise import DEEPEST, DENSE, REACH, SLICE, scattered_below
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -131,3 +132,14 @@ def test_points_beyond_the_reach_do_not_count() -> None:
     near = away < REACH + 4
     assert found[away < 4].any()
     np.testing.assert_array_equal(scattered_below(xyz[near], 1.0)[away[near] < 4], found[away < 4])
+
+
+def test_numbers_are_counted_or_sorted_with_the_same_answer() -> None:
+    """A stray point makes far more squares than there are points, too many to count one by one."""
+    xyz, _ = with_noise(field(), 0.01, 16)
+    found = scattered_below(xyz, 1.0)
+    assert found.any()
+    stray = np.vstack([xyz, xyz[0] + [4e3, 4e3, 0]])
+    assert low_noise._numbered(xyz, 1.0)[0].max() < DENSE * len(xyz)
+    assert low_noise._numbered(stray, 1.0)[0].max() > DENSE * len(stray)
+    np.testing.assert_array_equal(scattered_below(stray, 1.0)[:-1], found)

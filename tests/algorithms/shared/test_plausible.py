@@ -14,6 +14,7 @@ from scenes.layers import cloud
 from scenes.towns import plane, town
 
 from algorithms.points.info import PointsInfo
+from algorithms.shared import plausible
 from algorithms.shared.plausible import (
     height_problem,
     hidden_share,
@@ -232,3 +233,14 @@ def test_ground_of_which_a_part_is_hidden_is_told_from_a_fifth_on(
 def test_stray_points_do_not_stretch_memory() -> None:
     xyz = np.vstack([plane(60.0, tilt=5.3), [[9e9, 9e9, 0.0]]])
     assert "which no terrain has" in str(height_problem(xyz, 1.0))
+
+
+def test_points_that_are_not_kept_make_no_second_survey() -> None:
+    """As if they were not there, whatever their height."""
+    xyz = two_surveys(12.0)
+    kept = np.random.default_rng(7).random(len(xyz)) < 0.7
+    noise = np.where(kept[:, None], xyz, xyz - [0, 0, 300.0])
+    told = plausible.two_surveys(noise, 1.0, kept)
+    assert told is not None
+    assert told == plausible.two_surveys(xyz[kept], 1.0)
+    assert plausible.two_surveys(xyz, 1.0, np.zeros(len(xyz), bool)) is None

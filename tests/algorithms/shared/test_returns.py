@@ -88,3 +88,12 @@ def test_a_street_in_both_lists_is_no_plant() -> None:
     assert (of_last[road] == 2).mean() > 0.99
     assert (of_first[tree] == 5).mean() > 0.9
     assert (of_first[last[:, 2] > 4] == 6).mean() > 0.9
+
+
+def test_numbers_of_eight_bits_are_as_those_of_more() -> None:
+    number, count = np.array([1, 1, 2, 255, 0, 5, 0]), np.array([1, 2, 2, 255, 0, 1, 2])
+    wide = pulse(number, count)
+    narrow = pulse(number.astype(np.uint8), count.astype(np.uint8))
+    assert ReturnNumbers.of(narrow).number.dtype == np.int16
+    assert ReturnNumbers.of(narrow).number.tolist() == number.tolist()
+    np.testing.assert_array_equal(let_through(narrow), let_through(wide))

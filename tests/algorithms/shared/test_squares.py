@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from algorithms.shared.kernels.squares import numbered, shared_by_two
+from algorithms.shared.kernels.squares import (
+    add_slices,
+    bottoms,
+    held,
+    near_bottom,
+    numbered,
+    shared_by_two,
+    slice_ends,
+)
 
 
 def test_numbers_are_row_by_row_with_empty_squares_between() -> None:
@@ -24,3 +32,27 @@ def test_heights_are_shared_by_the_nearest_middles() -> None:
     shared_by_two(above, np.array([0, 0, 1, 1, 1, 0, 0]), 1.0, 0.5, lower, upper)
     np.testing.assert_allclose(lower, [[0, 1.5, 0, 0], [0, 0.2, 0, 0]])
     np.testing.assert_allclose(upper, [[0, 0, 0.5, 0], [0, 0, 0.8, 0]])
+
+
+def test_only_kept_points_make_the_bottom_of_a_square() -> None:
+    rng = np.random.default_rng(2)
+    squares, kept = rng.integers(0, 9, 300), rng.random(300) < 0.8
+    squares[squares == 4] = 5  # none in one of them
+    xyz = rng.uniform(0, 5, (300, 3))
+    low = bottoms(squares, kept, xyz, 9)
+    wanted = [min(xyz[kept & (squares == k), 2], default=np.inf) for k in range(9)]
+    np.testing.assert_array_equal(low, wanted)
+    near = near_bottom(squares, kept, xyz, low, 1.0)
+    np.testing.assert_array_equal(near, kept & (xyz[:, 2] - low[squares] < 1.0))
+    number = np.where(np.arange(9) % 2 == 0, np.arange(9), -1)
+    index = held(squares, number, kept)
+    np.testing.assert_array_equal(index, np.flatnonzero(kept & (squares % 2 == 0)))
+
+
+def test_slices_of_a_square_begin_with_an_empty_one() -> None:
+    """Those beyond the limits count for the lowest and the highest."""
+    xyz = np.array([[0, 0, z] for z in (-3.0, 0.2, 0.5, 1.2, 9.0)])
+    assert slice_ends(xyz, 0.5) == (-6.0, 18.0)
+    squares = np.array([0, 0, 1, 1, 2])
+    add_slices(squares, xyz, 0.5, 0.0, 2.0, 5)
+    assert squares.tolist() == [1, 1, 7, 8, 13]

@@ -9,7 +9,7 @@ LENGTHS = {
         "Clearance",
         "m",
         2,
-        meaning="In the direction of the rule; of a tree that may fall, what is left if it does",
+        meaning="In the direction of the rule; of a tree that may fall, as it stands",
     ),
     "clearance_low": Column("Clearance, least at other temperatures", "m", 2),
     "clearance_high": Column("Clearance, greatest at other temperatures", "m", 2, detail=True),
@@ -38,6 +38,14 @@ OBJECTS = {
     "may_be_wire": Column("Shape of a wire", detail=True),
     "points": Column("Points", detail=True),
     "elevation": Column("Elevation", "unit", 2, detail=True),
+}
+
+UNSURE = {
+    **{name: OBJECTS[name] for name in ("object_id", "vertical", "horizontal", "chainage")},
+    **{name: OBJECTS[name] for name in ("height", "state", "points", "may_be_wire", "elevation")},
+    "distance": Column("Distance in space", "m", 2),
+    "severity": OBJECTS["severity"],
+    "source": Column("What to do"),
 }
 
 SPANS = {
@@ -155,4 +163,5 @@ TOWERS = {
     "string": Column("Length of strings", "m", 1),
     "body": Column("Seen of its height", "%", 0, 100.0),
     "sd_along": Column("Standard deviation of its place along the line", "m", 1),
+    "certain": Column("Certain (1), or told by wires alone or in an unsure place (0)"),
 }

@@ -32,7 +32,7 @@ from algorithms.corridor._clearance.crossings import (
 )
 from algorithms.corridor._clearance.distances import Least, Violations, find_violations
 from algorithms.corridor._clearance.hanging import HANGING, hanging_objects, parted_from_hanging
-from algorithms.corridor._clearance.layers import object_layer, span_table, violation_cloud
+from algorithms.corridor._clearance.layers import apart, object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.missed import (
     columns_of,
@@ -56,6 +56,7 @@ from algorithms.corridor._clearance.rules import (
     LINE,
     NO_RULE,
     SEVERITIES,
+    UNSURE,
     Rule,
     grown,
     reach_of,
@@ -164,7 +165,7 @@ class CorridorClearance:
 
     What has the class of plants, or none, and hangs in mid-air on a wire, a tower or by itself, may
     be a part of the line that was not recognised, if it has `free_air` around and below it. It is
-    listed apart as "not sure", and counted in `unsure_count` alone.
+    "not sure": listed apart in `unsure`, and counted in `unsure_count` alone.
 
     Plants lower than `min_object_height`, and what may be plants, are no objects; their number is
     told. Points of objects at 0 to 20 m and at 20 to 30 m from the wires are counted.
@@ -177,9 +178,11 @@ class CorridorClearance:
     """
 
     points: PointCloud | Survey = source("Classified points, with the ground")
-    wires: Vector = source("Catenaries of the conductors")
+    wires: Vector = source("Catenaries of the conductors", shapes="line")
     towers: Vector | None = source(
-        "Feet of towers; points without a class around them belong to the towers", default=None
+        "Feet of towers; points without a class around them belong to the towers",
+        default=None,
+        shapes="point",
     )
     rule_table: Table | None = source(
         "Rules of your own, in place of rules", default=None, label="Own rules"
@@ -379,15 +382,21 @@ class CorridorClearance:
     @outputs
     class Outputs:
         violations: PointCloud = sink(
-            "Points that break a rule, or are near and have none, with their clearances in metres",
+            "Points of what is listed: too close, no rule, to watch or not sure; with clearances",
             show=show.Classes("severity", dict(enumerate(LOOKS.values(), start=1))),
-            label="Points too close",
+            label="Points of what is listed",
         )
         objects: Vector = sink(
-            "These points grouped into objects, each shown where it is closest",
-            show=show.Classes("severity", LOOKS),
-            label="Objects too close",
+            "Objects too close, to be watched or near without a rule, each where it is closest",
+            show=show.Classes("severity", {word: LOOKS[word] for word in SEVERITIES[:-1]}),
+            label="Objects by severity",
             columns=columns.OBJECTS,
+        )
+        unsure: Vector = sink(
+            "Where points hang in mid-air that may be of the line: the closest one to each wire",
+            show=show.Classes("severity", {UNSURE: LOOKS[UNSURE]}),
+            label="Not sure: plants or the line",
+            columns=columns.UNSURE,
         )
         crossings: Vector = sink(
             "Where conductors of different lines come near each other", columns=columns.CROSSINGS
@@ -430,6 +439,8 @@ class CorridorClearance:
             yield "rules", problem
         elif self.rule_table is None:
             yield from self._bad_rules("rules")
+        if self.conductor_table is None:
+            yield from self._bad_conductor()
         if self.temperature is not None and self.current is not None:
             yield "current", "tells the temperature; give one of both"
         for name in ("temperature", "current", "wind"):
@@ -466,11 +477,8 @@ class CorridorClearance:
             yield "distance", "is in place of rules, and a rule_table is given"
         if self.rule_table is not None:
             yield from self._bad_rules("rule_table")
-        if self.conductor is not None:
-            try:
-                conductor_of(self.conductor, self.conductor_table)
-            except DataError as error:
-                yield "conductor", str(error)
+        if self.conductor_table is not None:
+            yield from self._bad_conductor()
 
     def halo(self) -> float:
         """Infinite, as least clearances of spans, objects and the report need the whole line."""
@@ -493,14 +501,13 @@ class CorridorClearance:
         reach, near = _measured(rules), ctx.part(0.72, 0.8)
         band = band_of(surroundings, line, rules, found.point, least, reach=reach, ctx=near)
         nearest = float(found.space.min(initial=math.inf))
-        objects = metric._objects(surroundings, found, rules)
+        objects = metric._objects(cloud, surroundings, found, rules)
         if self.falling:
             rules = [*rules, FALLING]
             falls = metric._falls(surroundings, line, rules, ctx.part(0.8, 0.89))
             objects, found = with_falls(surroundings, objects, found, falls, rules)
         hanging, free = metric._hanging(surroundings, line, rules, ctx.part(0.89, 0.9))
         rules = [*rules, HANGING] if hanging else rules
-        objects = [*objects, *hanging]
         found = found.joined(free)
         coverage = coverage_of(surroundings, rules, found, least, objects, crossings, zones)
         for sentence in coverage.near:
@@ -518,9 +525,12 @@ class CorridorClearance:
             columns_of(self.wires, like),
         )
         lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
+        objects = [*objects, *hanging]
         clumps = clumps_of(surroundings, objects, gap=metric.object_gap)
         there = as_surveyed(surroundings, line, rules, found, reach=reach)
-        layer = object_layer(cloud, surroundings, line, rules, objects, clumps, like, there)
+        layer, unsure = apart(
+            object_layer(cloud, surroundings, line, rules, objects, clumps, like, there)
+        )
         missing = section(texts_of(self.wires, like))
         page = report_of(
             surroundings,
@@ -528,6 +538,7 @@ class CorridorClearance:
             rules,
             objects,
             layer.frame,
+            unsure.frame,
             spans,
             conductor,
             coverage,
@@ -542,6 +553,7 @@ class CorridorClearance:
         return self.Outputs(
             violations=violation_cloud(cloud, surroundings, line, rules, found, objects, there),
             objects=layer,
+            unsure=unsure,
             crossings=lines,
             spans=spans,
             report=page,
@@ -608,18 +620,25 @@ class CorridorClearance:
         reach, grouped = _measured(rules), self._grouped
         low, points = too_low(surroundings, line, rules, found, reach=reach, **grouped, ctx=ctx)
         if points:
-            why = f"of these would break a rule or be near, in {low} objects that are left out"
+            why = f"Of these, would break a rule or be near; in {low} objects"
             surroundings.left_out[why] = points
         return low
 
     def _objects(
-        self, surroundings: Surroundings, found: Violations, rules: list[Rule]
+        self, cloud: PointCloud, surroundings: Surroundings, found: Violations, rules: list[Rule]
     ) -> list[Object]:
         """The objects, the most urgent first; points that are too few for one are noted."""
         objects, lone = objects_of(surroundings, found, rules, **self._grouped)
-        if lone:
-            log.warning("%d points are too close, but too few for an object", lone)
-            surroundings.left_out["are too close, but too few for an object"] = lone
+        if len(lone):
+            x, y = cloud.xyz[surroundings.index[lone[0]], :2]
+            log.warning(
+                "%d points are too close, but too few for an object (min_points): the most urgent "
+                "at %.10g, %.10g; they are in the file of points alone, as object 0",
+                len(lone),
+                x,
+                y,
+            )
+            surroundings.left_out["Too close, but too few for an object"] = len(lone)
         return objects
 
     def _falls(
@@ -663,6 +682,13 @@ class CorridorClearance:
             self._rules()
         except DataError as error:
             yield name, str(error)
+
+    def _bad_conductor(self) -> Iterator[tuple[str, str]]:
+        """The problem of a conductor that no table has, or whose values are missing."""
+        try:
+            self._conductor()
+        except DataError as error:
+            yield "conductor", str(error)
 
     def _rules(self) -> list[Rule]:
         if self.distance is not None:
@@ -854,7 +880,7 @@ class CorridorClearance:
             )
         count = int((surroundings.hanging >= 0).sum()) - len(found)
         if count:
-            surroundings.left_out["hang in mid-air, may be of the line, and are not near"] = count
+            surroundings.left_out["Hang in mid-air, may be of the line, and are not near"] = count
         return objects, found
 
     def _reach(self, rules: list[Rule]) -> float:

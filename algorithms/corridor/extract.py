@@ -37,6 +37,7 @@ from algorithms.corridor._extraction.missed import (
     warn_of_edges,
     warn_of_left_out,
     warn_of_missed,
+    warn_of_open_ends,
     warn_of_unseen_supports,
     warn_of_unsure_places,
     with_gaps,
@@ -139,6 +140,7 @@ class CorridorExtract:
         towers = tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs)
         warn_of_unseen_supports(towers)
         warn_of_unsure_places(towers)
+        warn_of_open_ends(line.wires, points.seen, points.origin, cloud.metre)
         warn_of_edges(points, line.labels)
         return self.Outputs(
             classified=labelled(cloud, use, points.index, line.labels),

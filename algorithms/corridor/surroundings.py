@@ -43,7 +43,7 @@ class CorridorSurroundings:
     """
 
     points: PointCloud = source("Points to choose from")
-    wires: Vector = source("Catenaries of the conductors")
+    wires: Vector = source("Catenaries of the conductors", shapes="line")
     to_side: float = param(
         "Distance to the side of the wires; that from which a tree may fall on one by default",
         default=60.0,

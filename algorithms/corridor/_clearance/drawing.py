@@ -33,12 +33,21 @@ class Drawing:
     low, high : corners of the window in the coordinates of what is drawn
     size : of the window in pixels
     labels : of both axes
+    origin, metre : the axes have the numbers origin + metre * coordinates
     """
 
     def __init__(
-        self, low: Floats, high: Floats, size: tuple[float, float], labels: tuple[str, str]
+        self,
+        low: Floats,
+        high: Floats,
+        size: tuple[float, float],
+        labels: tuple[str, str],
+        *,
+        origin: Floats | None = None,
+        metre: float = 1.0,
     ) -> None:
         self.low, self.high, self.labels = low, high, labels
+        self.origin, self.metre = np.zeros(2) if origin is None else origin, metre
         self.size = tuple(round(length) for length in size)
         self.shapes: list[dict[str, Any]] = []
         self.keys: list[dict[str, Any]] = []
@@ -89,22 +98,28 @@ class Drawing:
 
     def svg(self) -> bytes:
         """The drawing as the bytes of an SVG file."""
-        across, up = (_ticks(*ends) for ends in zip(self.low, self.high, self.size, strict=True))
-        columns, _ = self.at(across, np.full(len(across), self.low[1]))
-        _, rows = self.at(np.full(len(up), self.low[0]), up)
+        ends = self.origin + self.metre * np.array([self.low, self.high])
+        across, up = (_ticks(*ends) for ends in zip(*ends, self.size, strict=True))
+        columns, _ = self.at((across - self.origin[0]) / self.metre, self.low[1])
+        _, rows = self.at(self.low[0], (up - self.origin[1]) / self.metre)
         text = _template().render(
             vars(self),
             **MARGINS,
             wide=self.size[0],
             tall=self.size[1],
-            across=[(round(x, 1), f"{tick:g}") for x, tick in zip(columns, across, strict=True)],
-            up=[(round(y, 1), f"{tick:g}") for y, tick in zip(rows, up, strict=True)],
+            across=_labelled(columns, across),
+            up=_labelled(rows, up),
         )
         return text.encode()
 
     def _position(self, x: float, y: float) -> dict[str, float]:
         a, b = self.at(np.array(x), np.array(y))
         return {"x": round(float(a), 1), "y": round(float(b), 1)}
+
+
+def _labelled(pixels: Floats, ticks: Floats) -> list[tuple[float, str]]:
+    """Where ticks are, and their numbers, coordinates with all of their digits."""
+    return [(round(at, 1), f"{tick:.12g}") for at, tick in zip(pixels, ticks, strict=True)]
 
 
 @functools.cache

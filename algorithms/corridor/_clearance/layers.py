@@ -16,6 +16,7 @@ from algorithms.corridor._clearance.counted import ZONE_COLUMNS
 from algorithms.corridor._clearance.distances import Least, Violations, distances
 from algorithms.corridor._clearance.missed import SPAN_COLUMNS as MISSED_COLUMNS
 from algorithms.corridor._clearance.missed import WireLike
+from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rest import Band, interval_of
 from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, UNSURE, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
@@ -72,8 +73,23 @@ OBJECT_COLUMNS = (
     "confirmed",
     "source",
 )
+UNSURE_COLUMNS = (
+    "object_id",
+    "severity",
+    "span_id",
+    "wire_id",
+    "state",
+    "distance",
+    "vertical",
+    "horizontal",
+    "chainage",
+    "height",
+    "points",
+    "may_be_wire",
+    "source",
+)
 VIOLATION_DESCRIPTIONS = {
-    "clearance": "in the direction of the rule, m",
+    "clearance": "by the rule, or as it stands, m",
     "clearance_sd": "standard deviation, m",
     "probability": "that the rule is broken",
     "distance": "in space from the wire, m",
@@ -113,6 +129,7 @@ def object_layer(
     for number, (one, clump) in enumerate(zip(objects, clumps, strict=True), start=1):
         rule = rules[one.rule]
         ruled = rule.severity not in (NO_RULE, UNSURE)
+        falls = rule.id == FALLING.id
         low, high = interval_of(one, rule, surroundings, line)
         rows.append(
             {
@@ -121,10 +138,10 @@ def object_layer(
                 "severity": rule.severity,
                 "rule": rule.id,
                 "kind": one.kind,
-                "clearance": one.measure,
+                "clearance": one.space if falls else one.measure,
                 "clearance_low": low,
                 "clearance_high": high,
-                "required": rule.threshold if ruled else math.nan,
+                "required": rule.threshold if ruled and not falls else math.nan,
                 "direction": rule.direction,
                 "sd": one.sd,
                 "probability": one.probability if ruled else math.nan,
@@ -149,6 +166,16 @@ def object_layer(
     return Vector(frame, geometry_type="Point Z")
 
 
+def apart(layer: Vector) -> tuple[Vector, Vector]:
+    """The layer of objects without what may be of the line, and that in a layer of its own."""
+    unsure = (layer.frame["severity"] == UNSURE).to_numpy()
+    others = layer.frame.loc[unsure, [*UNSURE_COLUMNS, "geometry"]].reset_index(drop=True)
+    return (
+        Vector(layer.frame[~unsure].reset_index(drop=True), geometry_type="Point Z"),
+        Vector(others, geometry_type="Point Z"),
+    )
+
+
 def violation_cloud(
     cloud: PointCloud,
     surroundings: Surroundings,
@@ -167,10 +194,12 @@ def violation_cloud(
     unruled = (NO_RULE, UNSURE)
     ruled = np.array([r.severity not in unruled for r in rules], bool)[found.rule[order]]
     probability = np.where(ruled, found.probability[order], np.nan)
+    falls = np.array([rule.id == FALLING.id for rule in rules], bool)[found.rule]
+    clearance = np.where(falls, found.space, found.measure)
     wire = found.wire[order]
     return cloud.select(surroundings.index[found.point[order]]).with_attributes(
         {
-            "clearance": found.measure[order].astype(np.float32),
+            "clearance": clearance[order].astype(np.float32),
             "clearance_sd": found.sd[order].astype(np.float32),
             "probability": probability.astype(np.float32),
             "distance": found.space[order].astype(np.float32),

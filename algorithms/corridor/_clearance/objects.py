@@ -50,7 +50,7 @@ Ints = NDArray[np.int64]
 
 def objects_of(
     surroundings: Surroundings, found: Violations, rules: Sequence[Rule], *, gap: float, fewest: int
-) -> tuple[list[Object], int]:
+) -> tuple[list[Object], Ints]:
     """Objects grouped from violations, the most urgent first.
 
     Parameters
@@ -60,7 +60,7 @@ def objects_of(
 
     Returns
     -------
-    objects, and the number of points that are too few for one
+    objects, and indices of the points that are too few for one, the most urgent first
     """
     xyz, height = surroundings.xyz[found.point], surroundings.height[found.point]
     kind = surroundings.kind[found.point].astype(np.int64)
@@ -73,7 +73,8 @@ def objects_of(
     objects = [
         _object(surroundings, found, worst, own) for worst, own in made if len(own) >= fewest
     ]
-    return objects, sum(len(own) for _, own in made if len(own) < fewest)
+    lone = [found.point[own] for _, own in made if len(own) < fewest]
+    return objects, np.concatenate([*lone, np.empty(0, np.int64)])
 
 
 def objects_by(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +18,17 @@ from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rest import AtRest
 from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, UNSURE, Rule
 from algorithms.corridor._clearance.sag import Conductor, State
-from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
+from algorithms.corridor._clearance.surroundings import (
+    OF_LINE,
+    LineStates,
+    Object,
+    Surroundings,
+)
 from algorithms.corridor._curves.catenary import Catenary
 from toolbox.context import QUIET, Context
 from toolbox.data import Figure, Report, Rows, Section, Table, Vector
 from toolbox.data.crs import short_unit
-from toolbox.data.report import Head
+from toolbox.data.report import Column, Head
 
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
 PROFILE_BESIDE = 20.0  # metres to both sides of a span that its profile shows
@@ -77,6 +82,11 @@ LIST_CAPTION = (
     "survey, see there. Objects of one clump touch: a wide group of trees is listed tree by tree. "
     "Shape of a wire: its points may be a wire that was not found"
 )
+UNSURE_CAPTION = (
+    "The point nearest to each wire. What has the class of plants, or none, and hangs in mid-air "
+    "on a wire, a tower or by itself, may be a part of the line that was not recognised. It counts "
+    "in no figure of what is too close: look at it. The numbers go on from those of the objects"
+)
 SPAN_CAPTION = (
     "Least distances in space to what is near the wires in plan. Clearance: to the nearest object. "
     "At other temperatures: see there. A bundle counts as one conductor. Wire-like points have the "
@@ -88,6 +98,7 @@ KIND_CAPTION = (
     "near and have no rule; points by their distance from the wires. line: conductors of another "
     "line"
 )
+NO_PART_CAPTION = "No distance is measured to these"
 ZONE_CAPTION = (
     "Numbers of points of objects, by their distance in space from the nearest wire as surveyed; "
     "the ground, and plants that are too low, do not count"
@@ -109,6 +120,7 @@ def report_of(
     rules: Sequence[Rule],
     objects: Sequence[Object],
     listed: pd.DataFrame,
+    unsure: pd.DataFrame,
     spans: Table,
     conductor: Conductor | None,
     coverage: Coverage,
@@ -121,16 +133,19 @@ def report_of(
 
     Parameters
     ----------
-    listed : the columns of the layer of objects, in the same order
+    objects : also those that are not sure, last
+    listed, unsure : the columns of the layers of objects and of those, in the same order
     missing : on wires that may be missing
     crossings : the columns of the layer of crossings
     """
-    across = _Across.of(surroundings, line)
+    across, near = _Across.of(surroundings, line), ctx.part(0.0, 0.3)
+    axes = _Axes(Vector(listed).metre, short_unit(listed.crs) if listed.crs else "")
     sections = [
         missing,
         Section("Kinds and their rules", _kind_list(coverage) if line.spans else []),
-        Section("Map with numbers", _map(across, line, rules, objects, ctx.part(0.0, 0.3))),
+        Section("Map with numbers", _map(across, line, rules, objects, axes, near)),
         Section("Objects, the most urgent first", _list(listed)),
+        Section("Not sure: plants or parts of the line", _unsure_list(unsure)),
         Section("Crossing lines", _crossing_list(crossings)),
         Section("Spans", _span_list(spans)),
         Section("Points near the wires", _zone_list(spans)),
@@ -138,9 +153,7 @@ def report_of(
         Section("Profiles", _profiles(across, line, rules, objects, ctx.part(0.3, 1.0))),
         Section("Rules", [Rows(_rule_table(rules), "Distances in metres")]),
         Section("States of the wires", [_wires_text(line, conductor)]),
-        Section(
-            "Points that take no part", [_left_out(surroundings)] if surroundings.left_out else []
-        ),
+        Section("Points that take no part", _left_out(surroundings)),
     ]
     shown = [section for section in sections if section.blocks]
     summary = _summary(surroundings, line, rules, objects, listed, coverage, spans)
@@ -155,15 +168,19 @@ def _unseen(
 ) -> list[str]:
     """What was not looked at: kinds without a rule, wires not seen, ends of the data, points."""
     if not line.spans:
-        return []
+        return ["Anything: no wire was found, so no distance was measured."]
     kinds = coverage.kinds.frame
     unruled = [kind for kind, rule in zip(kinds["kind"], kinds["rule"], strict=True) if _none(rule)]
     told = [f"No rule holds for: {', '.join(unruled)}."] if unruled else []
+    told += [
+        f"{why}: {count} points."
+        for why, count in surroundings.left_out.items()
+        if count and why != OF_LINE
+    ]
     told += [text for block in missing.blocks for text in str(block).split("\n")[1:]]
     if line.open_spans:
         spans = ", ".join(map(str, line.open_spans))
         told.append(f"Spans that go on beyond the data: {spans}.")
-    told += [f"{count} points {why}." for why, count in surroundings.left_out.items() if count]
     return told
 
 
@@ -198,7 +215,8 @@ def _summary(
     if unsure:
         text += (
             f" Not sure: points near {unsure} wires hang in mid-air, on the wire, a tower or by "
-            "themselves. They may be of the line, and do not count as too close: look at them."
+            "themselves. They may be of the line, do not count as too close, and have a list of "
+            "their own: look at them."
         )
     text += _without_rule(coverage)
     near, farther = (_as_surveyed(spans)[name].sum() for name in ZONE_COLUMNS)
@@ -211,11 +229,11 @@ def _summary(
 
 def doubt(rules: Sequence[Rule]) -> str:
     """Which required distances nobody has looked up in a document; "" for none."""
-    unsure = [f"{r.kind} ({r.threshold:g} m, {r.id})" for r in rules if not r.confirmed]
+    unsure = [f"{r.kind} {r.threshold:g} m" for r in rules if not r.confirmed]
     if not unsure:
         return ""
     return (
-        f"not confirmed: the distances required for {', '.join(unsure)}. They were not "
+        f"not confirmed: the distances required ({', '.join(unsure)}). They were not "
         "found in a document; look them up in the regulation before you rely on them"
     )
 
@@ -242,13 +260,26 @@ def _without_rule(coverage: Coverage) -> str:
 
 def _list(listed: pd.DataFrame) -> list[Rows | str]:
     if not len(listed):
-        return ["Nothing breaks a rule."]
-    places = Vector(listed[[*LISTED, "geometry"]]).listed()
-    unit: str = short_unit(listed.crs) if listed.crs else ""
-    elevation = replace(columns.OBJECTS["elevation"], unit=unit)
-    how = {**columns.OBJECTS, "elevation": elevation}
-    rows = Rows(places, LIST_CAPTION, MOST_OBJECTS, how, "objects")
-    return [replace(rows, most_printed=MOST_OBJECTS)]
+        return ["None: nothing breaks a rule, and nothing is near without one or to be watched."]
+    some = listed[[*LISTED, "geometry"]]
+    return [_places(some, LIST_CAPTION, columns.OBJECTS, "objects")]
+
+
+def _unsure_list(unsure: pd.DataFrame) -> list[Rows | str]:
+    if not len(unsure):
+        return []
+    some = unsure.drop(columns="severity")
+    if some["source"].nunique() == 1:
+        some = some.drop(columns="source")  # the same in all rows, and said above them
+    return [_places(some, UNSURE_CAPTION, columns.UNSURE, "unsure")]
+
+
+def _places(some: pd.DataFrame, caption: str, how: Mapping[str, Column], layer: str) -> Rows:
+    """Table of objects with their places, all of which are printed."""
+    unit: str = short_unit(some.crs) if some.crs else ""
+    how = {**how, "elevation": replace(how["elevation"], unit=unit)}
+    rows = Rows(Vector(some).listed(), caption, MOST_OBJECTS, how, layer)
+    return replace(rows, most_printed=MOST_OBJECTS)
 
 
 def _crossing_list(crossings: pd.DataFrame) -> list[Rows | str]:
@@ -394,8 +425,14 @@ def _told(state: State) -> str:
     return state.name + wind + warm
 
 
-def _left_out(surroundings: Surroundings) -> str:
-    return "\n".join(f"{count} points {why}" for why, count in surroundings.left_out.items())
+def _left_out(surroundings: Surroundings) -> list[Rows]:
+    """Which points were measured from no wire, and why."""
+    rows = [
+        {"Which points": why, "Number": count}
+        for why, count in surroundings.left_out.items()
+        if count
+    ]
+    return [Rows(Table.from_rows(rows), NO_PART_CAPTION)] if rows else []
 
 
 @dataclass(frozen=True)
@@ -434,6 +471,14 @@ class _Across:
         return self.surroundings.xyz[some], self.surroundings.kind[some]
 
 
+@dataclass(frozen=True)
+class _Axes:
+    """The unit of the coordinates of the data, and how many of it are a metre."""
+
+    metre: float
+    unit: str
+
+
 def _ends(line: LineStates) -> Floats:
     """End points of all wires in plan."""
     return np.concatenate([c.points(np.array([0.0, c.length]))[:, :2] for c in line.curves[0]])
@@ -444,6 +489,7 @@ def _map(
     line: LineStates,
     rules: Sequence[Rule],
     objects: Sequence[Object],
+    axes: _Axes,
     ctx: Context,
 ) -> list[Figure]:
     """Maps of wires, objects and their surroundings, in sheets along the line."""
@@ -465,7 +511,7 @@ def _map(
         own = np.flatnonzero((ends[:, 1] >= edges[k]) & (ends[:, 0] <= edges[k + 1]))
         if len(own):
             seen = [wires[wire] for wire in own]
-            svg = _sheet(across, line, rules, objects, seen, edges[k], edges[k + 1])
+            svg = _sheet(across, line, rules, objects, seen, axes, edges[k], edges[k + 1])
             sheet = f"; sheet {k + 1} of {count}, {way}" if count > 1 else ""
             caption = f"Wires in plan, and objects with their number in the list{sheet}"
             figures.append(Figure(svg, caption))
@@ -478,6 +524,7 @@ def _sheet(
     rules: Sequence[Rule],
     objects: Sequence[Object],
     wires: Sequence[tuple[int, Floats]],
+    axes: _Axes,
     first: float,
     last: float,
 ) -> bytes:
@@ -488,8 +535,8 @@ def _sheet(
     low[side], high[side] = first - PROFILE_BESIDE, last + PROFILE_BESIDE
     wide, tall = high - low
     scale = min(MAP_SIZE[0] / wide, MAP_SIZE[1] / tall)
-    labels = (f"m from x = {line.origin[0]:.0f}", f"m from y = {line.origin[1]:.0f}")
-    drawing = Drawing(low, high, (wide * scale, tall * scale), labels)
+    size, labels = (wide * scale, tall * scale), (f"x [{axes.unit}]", f"y [{axes.unit}]")
+    drawing = Drawing(low, high, size, labels, origin=line.origin[:2], metre=axes.metre)
     xyz, kinds = across.between(low[side], high[side])
     above = kinds != KINDS.index("ground")
     _draw_points(drawing, xyz[above, :2].T, kinds[above], 0.6)

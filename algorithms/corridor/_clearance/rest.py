@@ -23,7 +23,6 @@ from algorithms.corridor._clearance.distances import (
     find_violations,
     rows_of,
 )
-from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rules import DIRECTIONS, KINDS, NO_RULE, SEVERITIES, Rule
 from algorithms.corridor._clearance.sag import Conductor, curvature_when
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
@@ -208,15 +207,10 @@ def interval_of(
 ) -> tuple[float, float]:
     """Between which values the clearance of an object lies, from the wire that it is listed with.
 
-    For a falling tree that is what is left between its top and the wire.
+    For a falling tree that is its distance as it stands.
     """
     wires = [line.curves[0][one.wire], *(curves[one.wire] for curves in line.rest)]
     points = surroundings.xyz[one.points]
-    if rule.id == FALLING.id:
-        height = surroundings.height[[one.nearest]]
-        feet = surroundings.xyz[[one.nearest]] - np.outer(height, [0.0, 0.0, 1.0])
-        left = [float(distances(feet, wire)[0, 0]) - one.height for wire in wires]
-        return min(left), max(left)
     values = [_measured(points, wire, rule) for wire in wires]
     known = [value for value in values if math.isfinite(value)]
     kind = np.zeros(len(points), np.int8)

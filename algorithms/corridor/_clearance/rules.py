@@ -18,6 +18,14 @@ from toolbox.data import Table
 from toolbox.errors import DataError, nearest
 
 RULES_FOLDER = Path(__file__).parents[1] / "rules"
+TITLES = {  # of the rule sets of the toolbox, as people know them
+    "ch_lev": "LeV of Switzerland",
+    "cpuc_go95": "CPUC General Order 95",
+    "ekaty": "EKATY of Turkey",
+    "en_50341": "EN 50341 and EN 50423",
+    "nerc_fac_003": "NERC FAC-003-4",
+    "thesis": "Muş (2019)",
+}
 RULE_COLUMNS = (
     "id",
     "source",
@@ -168,7 +176,8 @@ def rules_of(table: Table, voltage: float | None) -> list[Rule]:
 def why_none(table: Table, voltage: float | None) -> dict[str, str]:
     """For each kind, why no rule of a table holds for it at a voltage, if none does."""
     at = "" if voltage is None else f" at {voltage:g} kV"
-    told = {kind: f"{table.name} has no row for {kind}" for kind in KINDS}
+    name = TITLES.get(table.name.removesuffix(".csv"), table.name)
+    told = {kind: f"{name} says nothing on {kind}" for kind in KINDS}
     for kind, voltages in covered(table).items():
         told[kind] += f"{at}, only for {' and '.join(map(span_of, voltages))}"
     return told

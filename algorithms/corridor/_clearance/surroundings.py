@@ -42,6 +42,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+OF_LINE = "Of the line (classes 13 to 16)"  # why points take no part, as those of the wires
+
+
 @dataclass(frozen=True)
 class LineStates:
     """Wires in all states, in metres from an origin.
@@ -188,11 +191,11 @@ def surroundings_of(
     if attachment > 0:
         mine |= (kind == UNCLASSIFIED) & at_towers(xyz, towers, line.origin)
     kind[mine] = TAKES_NO_PART
-    left_out["without a class, on a wire or at a support"] = int(mine.sum())
+    left_out["Without a class, on a wire or at a support"] = int(mine.sum())
     low = np.where(np.isin(kind, PLANTS) & (height < lowest), kind, TAKES_NO_PART)
     kind[low >= 0] = TAKES_NO_PART
     if lowest:
-        left_out[f"of plants, or of what may be, lower than {lowest:g} m"] = int((low >= 0).sum())
+        left_out[f"Plants, or what may be, lower than {lowest:g} m"] = int((low >= 0).sum())
     hanging = np.full_like(kind, TAKES_NO_PART)
     return Surroundings(index, xyz, kind, height, low, hanging, left_out)
 
@@ -223,9 +226,9 @@ def kinds_of(
     kind[withheld | noise | of_line] = TAKES_NO_PART
     ignored = ", ".join(map(str, ignore))
     left_out = {
-        "withheld": int(withheld.sum()),
-        f"of ignored classes ({ignored})": int((noise & ~withheld).sum()),
-        "of the line (classes 13 to 16)": int((of_line & ~noise & ~withheld).sum()),
+        "Withheld": int(withheld.sum()),
+        f"Of ignored classes ({ignored})": int((noise & ~withheld).sum()),
+        OF_LINE: int((of_line & ~noise & ~withheld).sum()),
     }
     return kind, left_out
 

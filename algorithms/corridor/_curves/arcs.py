@@ -68,8 +68,8 @@ def arcs_of(
     """Arcs of wires between their supports, and the alignments with the chainages of the cuts."""
     arcs: list[Piece] = []
     cut: list[Alignment] = []
-    for alignment in alignments:
-        for line in lines_with_cuts(corridor, alignment):
+    for whole, alignment in enumerate(alignments):
+        for line in lines_with_cuts(corridor, replace(alignment, whole=whole)):
             for piece in line.pieces:
                 arcs += cut_up(corridor, line, piece, len(cut))
             cut.append(line)
@@ -227,6 +227,7 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
     wander = SETTINGS.arcs.least_wander
     seen = binned(corridor, alignment, 1, wander)
     arms, poles = hardware(corridor, alignment, seen.tracks(), chainages)
+    arms[at_known_supports(corridor, alignment, chainages)] = math.inf
     shown = arms + poles
     at_arms, at_poles = (
         maximum_filter1d(some, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN] for some in (arms, poles)
@@ -243,6 +244,20 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
             break
         wander = learned
     return *all_settled(fine, edges, bend, chainages, shown), coarse, bend
+
+
+def at_known_supports(
+    corridor: Corridor, alignment: Alignment, chainages: Floats
+) -> NDArray[np.bool_]:
+    """Which chainages of an alignment are those of supports that are known to hold its wires."""
+    found = np.zeros(len(chainages), bool)
+    offsets = [offset_of(corridor, alignment, piece) for piece in alignment.pieces]
+    slack = SETTINGS.network.join_aside
+    for ends in corridor.arms:
+        u, v = alignment.along(ends)
+        if max(v) > min(offsets) - slack and min(v) < max(offsets) + slack:
+            found |= np.abs(chainages - u.mean()) <= SETTINGS.arcs.arm_half_width
+    return found
 
 
 def usual_bend(bins: Binned) -> float:

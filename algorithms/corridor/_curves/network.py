@@ -61,6 +61,7 @@ class Corridor:
     free : which points above the ground lie on no wire that was found
     refused : which of the points that may be wire lie on or at what surely is none
     proven : which points above the ground are of arcs that are no accident, few as they may be
+    arms : array of shape (k, 2, 2), both ends in plan of the arms of supports that are known
     """
 
     air: Airborne
@@ -72,6 +73,7 @@ class Corridor:
     floor: Airborne | None = None
     tied: list[Catenary] = field(default_factory=list)
     left_out: list[Catenary] = field(default_factory=list)
+    arms: Floats = field(default_factory=lambda: np.zeros((0, 2, 2)))
     wires: Airborne = field(init=False)
     free: NDArray[np.bool_] = field(init=False)
     refused: NDArray[np.bool_] = field(init=False)

@@ -160,6 +160,22 @@ def in_mesh(curves: Sequence[Catenary], known: Sequence[Catenary]) -> list[bool]
     return tied
 
 
+def is_row_of_mesh(curve: Catenary, mesh: Sequence[Catenary]) -> bool:
+    """Whether a curve runs on one of a mesh, or beside it and level with it, as rows of it do.
+
+    Few of the wires that cross it may have been followed, and it may have been parted where they
+    cross.
+    """
+    middle = curve.points(np.array([curve.length / 2]))
+    for one in mesh:
+        if abs(one.ex * curve.ex + one.ey * curve.ey) > SETTINGS.network.cos_parallel:
+            u, v, z = (float(values[0]) for values in one.residuals(middle))
+            beside = 0 <= u <= one.length and abs(v) < SETTINGS.structures.mesh_gap
+            if beside and abs(z) < SETTINGS.structures.body_gap:
+                return True
+    return False
+
+
 def _often(places: Sequence[float]) -> bool:
     """Whether there are several crossings one after another."""
     steps = np.diff(sorted(places))

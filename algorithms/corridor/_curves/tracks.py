@@ -35,6 +35,7 @@ class Alignment:
     step, steps : length of a bin along the axis, metres, and number of bins
     cuts : chainages at which the wires are held, metres along the axis
     sigmas : standard deviations of these, metres
+    whole : number of the alignment from which it was cut apart, as one of several lines abreast
     """
 
     pieces: Sequence[Piece]
@@ -46,6 +47,7 @@ class Alignment:
     steps: int
     cuts: Floats
     sigmas: Floats
+    whole: int = -1
 
     @classmethod
     def of(cls, pieces: Sequence[Piece]) -> Alignment:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from algorithms.corridor._curves.arcs import arcs_of
+from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.lanes import followed_together
 from algorithms.corridor._curves.network import (
     Corridor,
@@ -22,7 +24,12 @@ from algorithms.corridor._curves.network import (
     wires_among,
 )
 from algorithms.corridor._curves.sparse import sparse_wires, stacked_wires
-from algorithms.corridor._curves.structures import carriers, holds_level, in_mesh
+from algorithms.corridor._curves.structures import (
+    carriers,
+    holds_level,
+    in_mesh,
+    is_row_of_mesh,
+)
 from algorithms.corridor._curves.trace import trace_all
 from algorithms.corridor._curves.tracks import alignments_among
 from algorithms.corridor._extraction.continued import completed
@@ -33,9 +40,18 @@ from algorithms.corridor._extraction.spans import (
     on_any,
     on_wire,
     spans_of,
+    to_supports,
     with_supports,
 )
-from algorithms.corridor._extraction.supports import Support, supports_of
+from algorithms.corridor._extraction.supports import (
+    Support,
+    arms_in_plan,
+    is_pole,
+    is_seen,
+    may_hold,
+    supports_of,
+)
+from algorithms.corridor._extraction.towers import all_centred
 from algorithms.corridor._settings import SETTINGS
 from toolbox.context import Context
 
@@ -73,14 +89,67 @@ def follow(
     max_gap : longest piece of a wire that may be missing, metres
     tolerances : how far a point may lie from the wire that is followed, ascending, metres
     """
-    lines = stacked(corridor, max_gap, ctx.part(0.0, 0.1))
+    tried = list(stacked(corridor, max_gap, ctx.part(0.0, 0.1)))
     for k, tolerance in enumerate(tolerances):
         part = ctx.part(0.1 + 0.9 * k / len(tolerances), 0.1 + 0.9 * (k + 1) / len(tolerances))
         if k:
             voxel, corridor = voxel[~corridor.refused], corridor.without_refused(tolerance)
         pieces = followed(corridor, voxel, max_gap, part)
-        lines = better(corridor, lines, lines_among(corridor, pieces, max_gap, part))
-    return together(lines)
+        tried.append(Tried(corridor, pieces, *lines_among(corridor, pieces, max_gap, part)))
+    seen = seen_supports(tried)
+    lines: list[Line] = []
+    for one in tried:
+        lines = better(one.corridor, lines, one.knowing(seen, max_gap, ctx.part(1.0, 1.0)))
+    return together(corridor, lines)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """What was found at one tolerance: pieces of what may be wires, lines among them, supports."""
+
+    corridor: Corridor
+    pieces: Sequence[Piece]
+    lines: Sequence[Line]
+    supports: Sequence[Support]
+
+    def knowing(self, seen: Sequence[Support], max_gap: float, ctx: Context) -> Sequence[Line]:
+        """The lines, sought again where supports are seen at another tolerance that hold none."""
+        own = [support for line in self.lines for support in line.supports]
+        wires = [wire for line in self.lines for wire in line.wires]
+        missed = [
+            one
+            for one in seen
+            if not any(is_known_by(one, other) for other in own)
+            and any(may_hold(one, wire.curve) for wire in wires)
+        ]
+        if not missed:
+            return self.lines
+        corridor = replace(self.corridor, arms=np.array([arms_in_plan(one) for one in missed]))
+        return lines_among(corridor, self.pieces, max_gap, ctx)[0]
+
+
+def seen_supports(tried: Sequence[Tried]) -> list[Support]:
+    """The poles that hold wires and of which much of a body is seen, at any tolerance, once.
+
+    Towers are metres wide: at another tolerance the place of one differs, and it would be two.
+    """
+    found: list[Support] = []
+    for support in (support for one in tried for support in one.supports):
+        seen = bool(support.cuts) and is_pole(support.high - support.ground) and is_seen(support)
+        if seen and all(apart(support, one) >= SETTINGS.network.join_aside for one in found):
+            found.append(support)
+    return found
+
+
+def is_known_by(support: Support, other: Support) -> bool:
+    """Whether another support is the same, as near as can be told."""
+    near = SETTINGS.network.join_aside if is_seen(other) else SETTINGS.supports.settled_slack
+    return apart(support, other) < near
+
+
+def apart(one: Support, other: Support) -> float:
+    """Metres between two supports in plan."""
+    return math.hypot(one.x - other.x, one.y - other.y)
 
 
 def followed(
@@ -115,21 +184,24 @@ def without_contact_lines(corridor: Corridor, pieces: Sequence[Piece]) -> list[P
     ]
 
 
-def stacked(corridor: Corridor, max_gap: float, ctx: Context) -> list[Line]:
+def stacked(corridor: Corridor, max_gap: float, ctx: Context) -> Iterator[Tried]:
     """Lines of wires so close above each other that one followed would change over to the next.
 
     Each is found by itself, as sparse wires are, nearer to its points than to the other wires.
     """
-    if SETTINGS.sparse.stack_tolerance >= corridor.tolerance:
-        return []
-    close = corridor.without_refused(SETTINGS.sparse.stack_tolerance)
-    return lines_among(close, stacked_wires(close, ctx), max_gap, ctx)
+    if SETTINGS.sparse.stack_tolerance < corridor.tolerance:
+        close = corridor.without_refused(SETTINGS.sparse.stack_tolerance)
+        pieces = stacked_wires(close, ctx)
+        yield Tried(close, pieces, *lines_among(close, pieces, max_gap, ctx))
 
 
 def lines_among(
     corridor: Corridor, pieces: Sequence[Piece], max_gap: float, ctx: Context
-) -> list[Line]:
-    """The lines among pieces of what may be wires, without structures and accidents."""
+) -> tuple[list[Line], Sequence[Support]]:
+    """The lines among pieces of what may be wires, without structures and accidents.
+
+    With them come all supports that were tried.
+    """
     pieces = [piece for piece in pieces if not is_on_roofs(corridor, [piece.curve])]
     wires, supports = hung(corridor, pieces, max_gap, ctx.part(0.7, 1.0))
     here = [line for line in lines_of(wires, supports) if line.is_no_accident(corridor)]
@@ -137,7 +209,7 @@ def lines_among(
     structures = [line.is_structure(corridor) for line in here]
     for line, is_structure in zip(here, structures, strict=True):
         corridor.left_out += [wire.curve for wire in line.wires if is_structure]
-    return [line for line, is_it in zip(here, structures, strict=True) if not is_it]
+    return [line for line, is_it in zip(here, structures, strict=True) if not is_it], supports
 
 
 def hung(
@@ -198,13 +270,24 @@ class Line:
             SETTINGS.lines.fewest_carriers, SETTINGS.lines.carriers_per_wire * len(self.wires)
         ):
             return True
-        tied = in_mesh([wire.curve for wire in self.wires], corridor.tied)
+        tied = in_mesh([clear_of_supports(wire) for wire in self.wires], corridor.tied)
         held = [
             wire.seen_length
             for wire, in_it in zip(self.wires, tied, strict=True)
-            if in_it or holds_level(corridor.air, corridor.height, wire.curve)
+            if in_it
+            or is_row_of_mesh(wire.curve, corridor.tied)
+            or holds_level(corridor.air, corridor.height, wire.curve)
         ]
         return sum(held) > SETTINGS.structures.level_share * self.length
+
+
+def clear_of_supports(wire: Wire) -> Catenary:
+    """A wire without its ends at supports, whose braces cross as the wires of a mesh do."""
+    length = wire.curve.length
+    low, high = (
+        min(SETTINGS.curves.clutter_radius, length / 4) * (number >= 0) for number in wire.supports
+    )
+    return wire.curve.between(low, length - high)
 
 
 def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
@@ -225,13 +308,14 @@ def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
 def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> list[Line]:
     """Of spans at a smaller and a larger tolerance, the larger where they find much more.
 
-    Spans that share most of their points are compared. Wires that only the others find are kept.
+    Spans that share most of their points are compared. A span does not find more by reaching over
+    a support, along what the other tolerance finds as the next span. Wires that only the others
+    find are kept.
     """
     spans = [[one for line in lines for one in spans_apart(line)] for lines in (narrow, wide)]
     chosen, spare = [], []
-    for same, other in same_spans(corridor, *spans):
-        lengths = [sum(one.length for one in some) for some in (same, other)]
-        more = lengths[1] > SETTINGS.lines.much_more * lengths[0]
+    for same, other, length in same_spans(corridor, *spans):
+        more = length > SETTINGS.lines.much_more * sum(one.length for one in same)
         chosen += other if more else same
         spare += same if more else other
     taken = np.zeros(len(corridor.air.xyz), bool)
@@ -258,8 +342,12 @@ def spans_apart(line: Line) -> list[Line]:
 
 def same_spans(
     corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]
-) -> Iterator[tuple[list[Line], list[Line]]]:
-    """Groups of spans at both tolerances that have most of the points of one in common."""
+) -> Iterator[tuple[list[Line], list[Line], float]]:
+    """Groups of spans at both tolerances that have most of the points of one in common.
+
+    With them comes how many metres of conductor the wide ones find, without what is on narrow ones
+    of other groups.
+    """
     points = [[on_any(corridor, span.wires) for span in spans] for spans in (narrow, wide)]
     of_span = np.full(len(corridor.air.xyz), -1)
     for k, own in enumerate(points[0]):
@@ -271,12 +359,16 @@ def same_spans(
         least = np.minimum([len(one) for one in points[0]], len(own))
         link[len(narrow) + j, : len(narrow)] = 2 * shared > least
     _, label = connected_components(coo_array(link), directed=False)
+    of_group = np.append(label[: len(narrow)], -1)[of_span]
     for number in range(label.max() + 1 if count else 0):
         here = np.flatnonzero(label == number).tolist()
-        yield (
-            [narrow[k] for k in here if k < len(narrow)],
-            [wide[k - len(narrow)] for k in here if k >= len(narrow)],
-        )
+        other = [k - len(narrow) for k in here if k >= len(narrow)]
+        length = 0.0
+        for k in other:
+            group = of_group[points[1][k]]
+            elsewhere = np.count_nonzero((group >= 0) & (group != number))
+            length += wide[k].length * (1 - elsewhere / max(1, len(group)))
+        yield [narrow[k] for k in here if k < len(narrow)], [wide[k] for k in other], length
 
 
 def rest_of(corridor: Corridor, line: Line, taken: NDArray[np.bool_]) -> list[Wire]:
@@ -285,8 +377,12 @@ def rest_of(corridor: Corridor, line: Line, taken: NDArray[np.bool_]) -> list[Wi
     return [wire for wire, on_others in own if 2 * np.count_nonzero(on_others) <= len(on_others)]
 
 
-def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
-    """The wires and supports of several lines, numbered anew."""
+def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
+    """The wires and supports of several lines, numbered anew.
+
+    Two lines may each have found another leg of a support, so that it is known to be one only when
+    each was moved to the middle of its body.
+    """
     wires: list[Wire] = []
     supports: list[Support] = []
     for line in lines:
@@ -296,8 +392,9 @@ def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
             low, high = (n + len(supports) if n >= 0 else -1 for n in wire.supports)
             wires.append(replace(wire, supports=(low, high), span=span, bundle=bundle, wire=number))
         supports += line.supports
-    wires, supports = along_the_line(*shared(wires, supports))
-    return numbered(wires, supports), supports
+    wires, supports = shared(wires, supports)
+    wires, supports = along_the_line(*shared(wires, all_centred(corridor, wires, supports)))
+    return numbered([to_supports(wire, supports) for wire in wires], supports), supports
 
 
 def along_the_line(

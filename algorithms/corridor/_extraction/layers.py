@@ -78,6 +78,7 @@ TOWER_COLUMNS = (
     "body",
     "points",
     "sd_along",
+    "certain",
 )
 
 
@@ -216,6 +217,7 @@ def tower_layer(
                 "body": support.body,
                 "points": len(tower.points),
                 "sd_along": support.sd_along if math.isfinite(support.sd_along) else math.nan,
+                "certain": int(tower.is_certain),
             }
         )
         foot = np.array([support.x, support.y, support.ground]) * metre + origin

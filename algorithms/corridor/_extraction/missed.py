@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -159,6 +159,34 @@ def warn_of_unseen_supports(towers: Vector) -> None:
             len(frame),
             SETTINGS.towers.known_by_points,
             ", ".join(unseen),
+        )
+
+
+def warn_of_open_ends(
+    wires: Sequence[Wire], seen: Callable[[float, float], bool], origin: Floats, metre: float
+) -> None:
+    """Log where spans end without a support that was seen, though the data go on behind.
+
+    Parameters
+    ----------
+    wires : in metres from the origin
+    seen : whether there are points around a position in plan, metres
+    origin : array of shape (3,), in the unit of the data
+    metre : length of one metre in that unit
+    """
+    found: dict[int, Floats] = {}
+    for wire in wires:
+        for place, number, way in zip(wire.curve.ends, wire.supports, (-1, 1), strict=True):
+            step = way * SETTINGS.supports.along
+            behind = place[:2] + step * np.array([wire.curve.ex, wire.curve.ey])
+            if number < 0 and seen(*behind):
+                found.setdefault(wire.span, place[:2] * metre + origin[:2])
+    if found:
+        log.warning(
+            "support not seen: span %s has an end without one, where the data go on (%s): a "
+            "support may stand there or farther on, and wires behind it may be missing",
+            ", ".join(map(str, found)),
+            "; ".join(f"{x:.0f}, {y:.0f}" for x, y in found.values()),
         )
 
 

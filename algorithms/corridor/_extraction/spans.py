@@ -231,8 +231,13 @@ def bundles_of(
 def cut(
     corridor: Corridor, piece: Piece, supports: Sequence[Support]
 ) -> Iterator[tuple[Piece, tuple[int, int]]]:
-    """Pieces of a wire between the supports that it passes, with the indices of these supports."""
+    """Pieces of a wire between the supports that it passes, with the indices of these supports.
+
+    Where the others of its line are cut, a wire that is not seen near that support is held as well.
+    """
     curve = piece.curve
+    alignment, arc = piece.arc
+    ends = {(alignment, arc), (alignment, arc + 1)}
     stops = []
     for number, support in enumerate(supports):
         u, _ = curve.along(np.array([[support.x, support.y, 0.0]]))
@@ -244,7 +249,8 @@ def cut(
         side = float(left @ np.array(support.across))
         z = float(curve.height(u)[0])
         slack = 3.0 + 0.05 * gap
-        fits = support.reach[0] - slack < side < support.reach[1] + slack
+        aside = SETTINGS.supports.across if support.cuts & ends else slack
+        fits = support.reach[0] - aside < side < support.reach[1] + aside
         fits &= support.low - slack < z < support.high + slack
         if turn < 0.7 and fits:
             stops.append((float(u[0]), number))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor, Piece, heading
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.corridor._settings import SETTINGS
@@ -29,6 +31,7 @@ class Hint:
     held: bool  # another arc of its alignment begins there
     sigma: float  # standard deviation of its place along the wire, metres; infinite if not held
     cut: tuple[int, int]  # its alignment, and which cut of that
+    whole: int  # the same of all lines abreast that were one alignment
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class Support:
     body : share of its height at which points show
     legs : offsets along `across` of its bodies: two of a frame
     sd_along : standard deviation of its place along the line, metres; infinite if not known
+    cuts : alignment and number of the cuts at which it stands
     """
 
     x: float
@@ -57,6 +61,7 @@ class Support:
     body: float
     legs: tuple[float, ...] = (0.0,)
     sd_along: float = math.inf
+    cuts: frozenset[tuple[int, int]] = frozenset()
 
 
 def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterator[Hint]:
@@ -91,6 +96,7 @@ def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterat
                 held,
                 sigma,
                 (piece.arc[0], arc + after),
+                alignment.whole,
             )
 
 
@@ -108,10 +114,43 @@ def supports_of(
     hints = list(hints_of(pieces, alignments))
     found = []
     for group in clusters(hints):
-        support = support_of(corridor, pieces, group)
-        if support is not None:
-            found.append(support)
+        found += abreast(corridor, pieces, group)
     return sorted(found, key=lambda s: (s.x, s.y))
+
+
+def abreast(corridor: Corridor, pieces: Sequence[Piece], group: Sequence[Hint]) -> list[Support]:
+    """The support at hints, or those of lines abreast if each shows a body of its own."""
+    lines: dict[tuple[int, int], list[Hint]] = {}
+    for hint in group:
+        lines.setdefault((hint.whole, hint.cut[0]), []).append(hint)
+    if len(lines) > len({whole for whole, _ in lines}):
+        apart = one_after_another(list(lines.values()))
+        if len(apart) > 1:
+            return [one for hints in apart for one in abreast(corridor, pieces, hints)]
+        own = [support_of(corridor, pieces, hints) for hints in lines.values()]
+        seen = [one for one in own if one and one.body >= SETTINGS.supports.enough_body]
+        place = np.array([(one.x, one.y) for one in seen]).reshape(-1, 2)
+        away = np.hypot(*(place[:, None] - place[None]).T) + np.diag(np.full(len(seen), math.inf))
+        if len(seen) == len(lines) and away.min() > SETTINGS.network.join_aside:
+            return seen
+    one = support_of(corridor, pieces, group)
+    return [] if one is None else [one]
+
+
+def one_after_another(lines: Sequence[list[Hint]]) -> list[list[Hint]]:
+    """Hints at supports of lines side by side, apart where no cut may be moved to the other.
+
+    Lines were cut apart since the supports of one are not where those of the other are.
+    """
+    way = lines[0][0].way
+    place = [float(np.median([hint.place[:2] @ way for hint in hints])) for hints in lines]
+    order = np.argsort(place, kind="stable").tolist()
+    found = [list(lines[order[0]])]
+    for before, k in itertools.pairwise(order):
+        if place[k] - place[before] > SETTINGS.arcs.most_shift:
+            found.append([])
+        found[-1] += lines[k]
+    return found
 
 
 def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
@@ -177,7 +216,7 @@ def support_of(
             bend = max(bend, turn, group[i].slope + group[match[0]].slope)
     mine = {hint.piece for hint in group}
     others = [piece for k, piece in enumerate(pieces) if k not in mine]
-    passing = sum(passes(piece, centre, across, side, place[:, 2]) for piece in others)
+    passing = sum(passes(piece.curve, centre, across, side, place[:, 2]) for piece in others)
     if passing > len(mine):
         return None
     # The middle between opposite ends, or where the ends are.
@@ -193,6 +232,12 @@ def support_of(
     slack = SETTINGS.supports.settled_slack if certain else SETTINGS.arcs.most_shift
     sigma = min(hint.sigma for hint in group)
     body, spot, seen = body_at(corridor, spot, mean, (side.min(), side.max()), high - bottom, slack)
+    if certain and body < SETTINGS.supports.enough_body:
+        body, spot, seen = pole_near(corridor, spot, mean, side, high - bottom) or (
+            body,
+            spot,
+            seen,
+        )
     certain |= pairs >= 2 or (
         pairs == 1
         and (body >= SETTINGS.supports.enough_body or bend > SETTINGS.supports.least_bend)
@@ -203,12 +248,7 @@ def support_of(
         # The data goes on behind all the wires: one tree over its edge does not tell.
         beyond = all(corridor.seen(*(p[:2] + m * out)) for p in place for m in (7.0, 10.0))
         certain = len(ends) >= 2 and np.ptp(ends) < 6 and beyond
-        much = (
-            SETTINGS.supports.much_body_tower
-            if high - bottom > SETTINGS.supports.tallest_pole
-            else SETTINGS.supports.much_body_pole
-        )
-        certain |= body >= much and topped(corridor, spot, mean, side, high)
+        certain |= body >= much_body(high - bottom) and topped(corridor, spot, mean, side, high)
     if not certain:
         return None
     shift = (spot - centre) @ across
@@ -223,6 +263,7 @@ def support_of(
         float(corridor.ground(spot[0], spot[1])),
         body,
         sd_along=min(sigma, seen),
+        cuts=frozenset(hint.cut for hint in group if hint.held),
     )
 
 
@@ -243,26 +284,58 @@ def topped(corridor: Corridor, spot: Floats, mean: Floats, side: Floats, high: f
     )
 
 
-def passes(piece: Piece, centre: Floats, across: Floats, side: Floats, heights: Floats) -> bool:
+def passes(curve: Catenary, centre: Floats, across: Floats, side: Floats, heights: Floats) -> bool:
     """Whether a wire passes a supposed support without being held there."""
-    u, _ = piece.curve.along(np.array([[*centre, 0.0]]))
-    if (
-        not SETTINGS.network.telling_length
-        < u[0]
-        < piece.curve.length - SETTINGS.network.telling_length
-    ):
+    u, _ = curve.along(np.array([[*centre, 0.0]]))
+    inner = SETTINGS.network.telling_length
+    if not inner < u[0] < curve.length - inner:
         return False
-    x, y, z = piece.curve.points(u)[0]
+    return within_reach(curve, u, centre, across, side, heights)
+
+
+def within_reach(
+    curve: Catenary, u: Floats, centre: Floats, across: Floats, side: Floats, heights: Floats
+) -> bool:
+    """Whether a wire at a chainage could be held by a support with arms there."""
+    x, y, z = curve.points(u)[0]
     s = (np.array([x, y]) - centre) @ across
-    beside = (
-        side.min() - SETTINGS.supports.across / 2 < s < side.max() + SETTINGS.supports.across / 2
-    )
-    return bool(
-        beside
-        and heights.min() - SETTINGS.supports.across / 2
-        < z
-        < heights.max() + SETTINGS.supports.across / 2
-    )
+    half = SETTINGS.supports.across / 2
+    beside = side.min() - half < s < side.max() + half
+    return bool(beside and heights.min() - half < z < heights.max() + half)
+
+
+def is_pole(height: float) -> bool:
+    """Whether a support of this height in metres is a pole, which has no width, and no tower."""
+    return height < SETTINGS.supports.tallest_pole
+
+
+def much_body(height: float) -> float:
+    """Share of the height at which a support shows where nothing else tells of it."""
+    settings = SETTINGS.supports
+    return settings.much_body_pole if is_pole(height) else settings.much_body_tower
+
+
+def is_seen(support: Support) -> bool:
+    """Whether so much of a support is seen that it is known without its wires, and its place."""
+    much = support.body >= much_body(support.high - support.ground)
+    return much and support.sd_along <= SETTINGS.supports.settled_slack
+
+
+def may_hold(support: Support, curve: Catenary) -> bool:
+    """Whether a wire passes a support, or ends near it, so that it could be held there."""
+    place = np.array([support.x, support.y])
+    u, _ = curve.along(np.array([[*place, 0.0]]))
+    if not -SETTINGS.supports.along < u[0] < curve.length + SETTINGS.supports.along:
+        return False
+    heights = np.array([support.low, support.high])
+    across, side = np.array(support.across), np.array(support.reach)
+    return within_reach(curve, u, place, across, side, heights)
+
+
+def arms_in_plan(support: Support) -> Floats:
+    """Both ends of the arms of a support, array of shape (2, 2)."""
+    foot = np.array([support.x, support.y])
+    return np.asarray(foot + np.outer(support.reach, support.across))
 
 
 def body_at(
@@ -305,6 +378,34 @@ def body_at(
     if best < SETTINGS.supports.enough_body:
         return best, spot, math.inf
     return min(best, 1.0), at, sigma
+
+
+def pole_near(
+    corridor: Corridor, spot: Floats, mean: Floats, side: Floats, top: float
+) -> tuple[float, Floats, float] | None:
+    """The pole nearby that a cut in a wrong place belongs to, as :func:`body_at` tells of one.
+
+    It stands by itself below the wires: in a thin column are more points than around it, at enough
+    of the metres, in its lower half as well. Of towers much more is seen, so they are not missed.
+    """
+    if not is_pole(top):
+        return None
+    room, reach = SETTINGS.curves.clutter_radius, SETTINGS.arcs.most_shift
+    near = corridor.air.within(spot, reach + room + float(np.abs(side).max()))
+    near = near[corridor.free[near] & (corridor.height[near] > 1) & (corridor.height[near] < top)]
+    xy, height = corridor.air.xyz[near, :2], corridor.height[near]
+    along, aside = (xy - spot) @ mean, (xy - spot) @ np.array([-mean[1], mean[0]])
+    below = (np.abs(along) < reach) & (aside > side.min() - room) & (aside < side.max() + room)
+    best = None
+    for k in np.flatnonzero(below).tolist():
+        away = np.hypot(*(xy - xy[k]).T)
+        own = away < SETTINGS.towers.lattice_width
+        share = len(np.unique(height[own].astype(np.int64))) / max(1, int(top - 1))
+        stands = height[own].min() < top / 2
+        stands &= 2 * np.count_nonzero(own) > np.count_nonzero(away < room)
+        if stands and share >= max(SETTINGS.supports.enough_body, best[0] if best else 0.0):
+            best = share, np.median(xy[own], axis=0), sd_of_median(along[own])
+    return best
 
 
 def sd_of_median(values: Floats) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
-from algorithms.corridor._extraction.spans import Wire, on_wire, to_supports
+from algorithms.corridor._extraction.spans import Wire, on_wire
 from algorithms.corridor._extraction.supports import Support, sd_of_median
 from algorithms.corridor._settings import SETTINGS
 
@@ -43,6 +43,14 @@ class Tower:
     def lattice(self) -> bool:
         """Whether it is a lattice tower, not a pole."""
         return self.width > SETTINGS.towers.lattice_width
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether more than its wires tell of it, and where it stands along the line."""
+        return (
+            len(self.points) >= SETTINGS.towers.known_by_points
+            and self.support.sd_along <= SETTINGS.supports.settled_slack
+        )
 
 
 def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]) -> Floats:
@@ -119,6 +127,26 @@ def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -
         if np.count_nonzero(loop) >= SETTINGS.towers.known_by_points:
             found.append(SETTINGS.towers.jumper_width * float(np.quantile(along[loop], 0.9)))
     return float(np.median(found)) if len(found) >= 2 else 0.0
+
+
+def all_centred(
+    corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
+) -> list[Support]:
+    """The supports of wires, each moved to the middle of its arms and its body."""
+    take(corridor, wires)
+    ends = [(n, wire.curve.ends[e]) for wire in wires for e, n in enumerate(wire.supports)]
+    held = [[end for n, end in ends if n == number] for number in range(len(supports))]
+    return [
+        centred(corridor, reaching(support, np.array(own)))
+        for support, own in zip(supports, held, strict=True)
+    ]
+
+
+def reaching(support: Support, ends: Floats) -> Support:
+    """The support with arms as far as the ends, of shape (n, 3), of all wires that it holds."""
+    side = (ends[:, :2] - (support.x, support.y)) @ np.array(support.across)
+    left, right = support.reach
+    return replace(support, reach=(min(left, side.min()), max(right, side.max())))
 
 
 def centred(corridor: Corridor, support: Support) -> Support:
@@ -275,8 +303,6 @@ def dressed(
 ) -> tuple[list[Wire], list[Tower], list[float]]:
     """Wires cut at their insulator strings, towers, and the longest string of each tower."""
     take(corridor, wires)
-    supports = [centred(corridor, support) for support in supports]
-    wires = [to_supports(wire, supports) for wire in wires]
     strings = strings_of(corridor, wires, supports)
     ended = [without_strings(wire, *own) for wire, own in zip(wires, strings, strict=True)]
     take(corridor, ended)

@@ -46,7 +46,7 @@ from algorithms.corridor._clearance.surroundings import line_of, surroundings_of
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._extraction.layers import catenaries_of, wire_layer
 from algorithms.corridor._extraction.spans import Wire
-from toolbox.data import PointCloud, Survey, Table, Vector
+from toolbox.data import PointCloud, Report, Rows, Survey, Table, Vector
 from toolbox.errors import DataError, ParameterError
 
 EAST, NORTH = 500_000.0, 4_600_000.0
@@ -137,7 +137,7 @@ def test_what_is_as_near_to_a_wire_as_a_subconductor_may_be_one(away: float, tol
     places = LEVEL.points(np.linspace(100, 101, 5)) + np.array([0, away, 0])
     points = cloud(places, 5, HeightAboveGround=places[:, 2].astype(np.float32))
     found = run(points, distance=5.0, falling=False)
-    assert found["objects"].frame.may_be_wire.tolist() == [told]
+    assert found["unsure"].frame.may_be_wire.tolist() == [told]
 
 
 def hung(*parts: Any) -> PointCloud:
@@ -158,13 +158,16 @@ def test_what_hangs_in_mid_air_on_a_wire_or_tower_is_not_sure_to_be_a_tree(
     tip = LEVEL.points(np.array([2.0, 2.5, 3.0])) + np.array([0.0, 3.5, 1.0])
     points = hung(bits(60.0, 0.6), bits(150.0, 1.5), bits(220.0, 4.0, 2), tip)
     found = run(points, distance=5.0)
-    frame = found["objects"].frame
-    assert frame[["severity", "kind", "rule"]].to_numpy().tolist() == [
-        ["not sure", "not sure", "may be wire"]
-    ]
+    frame = found["unsure"].frame
+    assert frame.severity.tolist() == ["not sure"]
     assert frame.points.tolist() == [len(points)]
-    assert frame.clearance.tolist() == pytest.approx([0.6], abs=0.01)
-    assert frame[["required", "probability"]].isna().all(axis=None)
+    assert frame["distance"].tolist() == pytest.approx([0.6], abs=0.01)
+    assert not len(found["objects"]), "it stands among what is too close"
+    assert found["objects"].crs == found["unsure"].crs == points.crs
+    assert found["spans"].frame.objects.tolist() == [0]
+    listed = {s.title: s.blocks for s in found["report"].sections}
+    assert listed["Objects, the most urgent first"][0].startswith("None")
+    assert len(listed["Not sure: plants or parts of the line"][0].table) == 1
     assert (found["object_count"], found["critical_count"], found["unsure_count"]) == (0, 0, 1)
     assert set(found["violations"]["severity"]) == {5}
     assert found["spans"].frame["tree"].isna().all()
@@ -208,14 +211,14 @@ def test_what_hangs_mostly_on_the_line_is_not_sure_to_be_a_tree() -> None:
 def test_distances_that_nobody_confirmed_are_a_warning(caplog: pytest.LogCaptureFixture) -> None:
     table = Table(pd.DataFrame([row(confirmed=False)]))
     run(hung(bits(150.0, 9.0, 3)), rule_table=table)
-    assert "not confirmed: the distances required for tree" in caplog.text
+    assert "not confirmed: the distances required (tree 5 m)" in caplog.text
 
 
 def test_what_hangs_far_from_all_rules_is_told() -> None:
     found = run(hung(bits(150.0, 9.0, 2)), distance=2.0)
     assert found["unsure_count"] == 0
     unseen = found["report"].head.unseen
-    assert "2 points hang in mid-air, may be of the line, and are not near." in unseen
+    assert "Hang in mid-air, may be of the line, and are not near: 2 points." in unseen
 
 
 def test_trees_alone_are_no_wires(caplog: pytest.LogCaptureFixture) -> None:
@@ -551,22 +554,35 @@ def test_what_is_of_the_line_or_noise_is_no_violation_and_told() -> None:
         assert ": 0 critical" in result["report"].summary
     withheld = run(cloud(near, 5, withheld=np.ones(len(near), np.uint8)), distance=5.0)
     assert withheld["object_count"] == 0
-    assert "5 points withheld" in withheld["report"].html()
+    assert no_part(withheld["report"]) == {"Withheld": 5}
     on_wire, at_end = blob(150, 0, low + 0.3), blob(299, 0, 28.0)
     assert run(cloud(on_wire + at_end, 1), distance=5.0)["object_count"] == 0
-    page = run(cloud(on_wire + at_end, 1), distance=5.0)["report"].html()
-    assert "10 points without a class, on a wire or at a support" in page
+    report = run(cloud(on_wire + at_end, 1), distance=5.0)["report"]
+    assert no_part(report) == {"Without a class, on a wire or at a support": 10}
     assert run(cloud(on_wire + at_end, 5), distance=5.0)["object_count"] == 2
 
 
-def test_too_few_points_are_no_object_but_violations_and_told() -> None:
+def no_part(report: Report) -> dict[str, int]:
+    """Numbers of the points that are measured from no wire, by reason."""
+    (block,) = next(s.blocks for s in report.sections if s.title == "Points that take no part")
+    assert isinstance(block, Rows)
+    return dict(block.table.frame.to_numpy().tolist())
+
+
+def test_too_few_points_are_no_object_but_violations_and_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     low = float(LEVEL.height(np.array(150.0)))
     for count, objects in ((2, 0), (3, 1)):
         result = run(cloud(blob(150, 0, low - 3.0, count), 5), distance=5.0)
         assert result["object_count"] == objects
         assert result["violations"]["object_id"].tolist() == [objects] * count
-        told = "2 points are too close, but too few for an object" in result["report"].html()
+        told = "2 points are too close, but too few for an object (min_points)" in caplog.text
         assert told == (objects == 0)
+        assert (
+            not told or f"the most urgent at {result['violations'].xyz[0, 0]:.10g}" in caplog.text
+        )
+        caplog.clear()
 
 
 def test_points_without_a_class_keep_the_rules_for_trees_and_buildings() -> None:
@@ -647,10 +663,15 @@ def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
     frame = result["objects"].frame
     assert frame.rule.to_list() == ["distance", "falling"]
     low = LEVEL.height(np.array(150.0))
-    assert frame.clearance[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
+    assert frame.falls[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
+    assert np.isnan(frame.required[1]), "no rule asks for a distance of a tree that stands"
     assert frame.severity[1] == "watch"
     # As it stands: no nearer than its crown is to the side, and above the wire.
     assert frame["distance"][1] == pytest.approx(math.hypot(15, 34.0 - low), abs=0.6)
+    assert frame.clearance[1] == frame["distance"][1]
+    assert 0 < frame.clearance_low[1] <= frame.clearance[1] <= frame.clearance_high[1]
+    among = result["violations"]["object_id"] == frame.object_id[1]
+    assert result["violations"]["clearance"][among].min() == pytest.approx(frame.clearance[1])
     assert frame.vertical[1] == pytest.approx(low - 34.0, abs=0.6)
     assert frame.horizontal[1] == pytest.approx(15, abs=0.6)
     assert run(points, distance=5.0, falling=False)["object_count"] == 1
@@ -718,6 +739,7 @@ def test_no_wires_is_an_empty_answer() -> None:
     assert (len(result["violations"]), len(result["objects"]), len(result["spans"])) == (0, 0, 0)
     assert result["least_clearance"] is None
     assert "no clearance was measured" in result["report"].summary
+    assert "no distance was measured" in result["report"].head.unseen[0]
 
 
 def row(**changes: Any) -> dict[str, Any]:
@@ -856,7 +878,7 @@ def test_what_is_near_and_has_no_rule_is_listed_counted_and_told(
     assert np.isnan(result["violations"]["probability"]).all()
     told = (
         f"{kind}: objects 1, points 4, the nearest at 2.00 m; "
-        f"no rule: nerc_fac_003.csv has no row for {kind}"
+        f"no rule: NERC FAC-003-4 says nothing on {kind}"
     )
     assert f"near a wire: {told}" in caplog.text
     page = result["report"]
@@ -931,9 +953,9 @@ def test_a_kind_whose_rules_are_for_other_voltages_has_none_and_the_voltages_are
     table = Table(pd.DataFrame(rows), name="my.csv")
     why = why_none(table, 380.0)
     assert why["building"] == (
-        "my.csv has no row for building at 380 kV, only for 1-72.5 kV and above 400 kV"
+        "my.csv says nothing on building at 380 kV, only for 1-72.5 kV and above 400 kV"
     )
-    assert why["road"] == "my.csv has no row for road"
+    assert why["road"] == "my.csv says nothing on road"
     low = float(LEVEL.height(np.array(150.0)))
     house = cloud(blob(150, 0, low - 4.0), 6)
     for voltage, severity in ((36.0, "critical"), (380.0, "no rule"), (400.0, "critical")):
@@ -1137,7 +1159,7 @@ def test_towers_keep_what_is_around_their_bodies_alone() -> None:
         result = run(cloud(blob(150, y, low - 3.0), 1), distance=9.0, towers=towers)
         assert result["object_count"] == count
     areas = Vector(towers.frame.set_geometry(towers.frame.buffer(2.0)))
-    with pytest.raises(DataError, match="towers: must hold points alone"):
+    with pytest.raises(DataError, match="towers: must be points, "):
         run(cloud(blob(150, 0, low), 1), towers=areas)
 
 

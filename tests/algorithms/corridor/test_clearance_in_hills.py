@@ -250,7 +250,7 @@ def test_a_tree_falls_as_far_as_it_is_high_whatever_the_slope(hill: Hill) -> Non
     away, number = map(np.asarray, cKDTree(tops[:, :2]).query(at))
     assert away.max() < CENTIMETRE
     assert set(number) == set(np.flatnonzero(left < 0))
-    np.testing.assert_allclose(falling.clearance, left[number], atol=CENTIMETRE)
+    np.testing.assert_allclose(falling.falls, left[number], atol=CENTIMETRE)
 
 
 def test_a_tree_uphill_reaches_a_wire_that_one_downhill_does_not() -> None:
@@ -507,9 +507,9 @@ def test_grass_is_no_object_and_what_is_left_out_is_told() -> None:
         found = toolbox.run("corridor.clearance", values)
         assert (found["object_count"], found["low_object_count"]) == (1, 3)
         assert found["points_0_20"] == 6
-        page = found["report"].html()
-        assert "18 points of plants, or of what may be, lower than 2 m" in page
-        assert "18 points of these would break a rule or be near, in 3 objects" in page
+        unseen = found["report"].head.unseen
+        assert "Plants, or what may be, lower than 2 m: 18 points." in unseen
+        assert "Of these, would break a rule or be near; in 3 objects: 18 points." in unseen
         every = toolbox.run("corridor.clearance", {**values, "min_object_height": 0.0})
         assert (every["object_count"], every["low_object_count"]) == (4, 0)
         assert "lower than" not in every["report"].html()

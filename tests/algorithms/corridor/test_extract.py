@@ -740,6 +740,7 @@ def test_how_well_the_place_of_a_support_along_the_line_is_known_is_said(
     inner = towers[towers.geometry.x.sub(CORNER[0]).between(30, 150)]
     assert len(inner) == 2
     assert (inner["sd_along"] > 1.0).any() == told
+    assert towers["certain"].sum() == len(towers) - len(inner)  # those with a body
     assert (inner["sd_along"] > 0.05).all()
     off = abs(inner.geometry.x - CORNER[0] - np.array([60, 120]))
     assert (off < 2.5 * inner["sd_along"]).all()

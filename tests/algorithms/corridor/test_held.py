@@ -1,0 +1,286 @@
+"""Which supports hold a wire, which of them are one, and what a span finds at a tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from scenes.corridors import Floats, bar, cloud, ground, line, wire
+
+from algorithms.corridor._curves.arcs import cuts_of
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._curves.network import Corridor, Piece
+from algorithms.corridor._curves.structures import is_row_of_mesh
+from algorithms.corridor._curves.trace import Airborne
+from algorithms.corridor._curves.tracks import Alignment
+from algorithms.corridor._extraction import follow
+from algorithms.corridor._extraction.follow import Line, Tried, better, seen_supports, together
+from algorithms.corridor._extraction.spans import Wire, cut
+from algorithms.corridor._extraction.supports import Hint, Support, abreast, pole_near
+from algorithms.corridor._settings import SETTINGS
+from algorithms.corridor.extract import CorridorExtract
+from algorithms.samples.scene import SamplesScene
+from toolbox.context import QUIET
+from toolbox.data import PointCloud
+
+
+def corridor_of(*parts: Floats) -> Corridor:
+    """Points above flat ground that all may be wire."""
+    air = Airborne.of(np.vstack(parts))
+    yes = np.ones(len(air.xyz), bool)
+    return Corridor(air, air.xyz[:, 2], yes, 0.25, lambda x, y: 0.0, lambda x, y: True)
+
+
+def spans(*ends: tuple[float, float]) -> Line:
+    """A wire along the x axis, 9 m up, with spans from one place to another."""
+    curves = [wire((a, 0, 9), (b, 0, 9), 400)[0] for a, b in ends]
+    return Line(
+        [Wire(c, (-1, -1), (0.0, c.length), 0.25, span=k) for k, c in enumerate(curves)], []
+    )
+
+
+WIRE = wire((0, 0, 9), (60, 0, 9), 4000)[1], wire((60, 0, 9), (120, 0, 9), 4000)[1]
+
+
+def lengths(narrow: Line, wide: Line) -> list[float]:
+    found = better(corridor_of(*WIRE), [narrow], [wide])
+    return sorted(round(w.curve.length) for line in found for w in line.wires)
+
+
+def test_a_span_does_not_find_more_by_reaching_over_its_support() -> None:
+    """The wider tolerance has the support at 85 m: what it has more is part of the next span."""
+    straight = [replace(w, curve=_hung(w.curve)) for w in spans((0, 60), (60, 120)).wires]
+    over = [replace(w, curve=_hung(w.curve)) for w in spans((0, 85), (85, 120)).wires]
+    assert lengths(Line(straight, []), Line(over, [])) == [60, 60]
+
+
+def _hung(curve: Catenary) -> Catenary:
+    """A curve so flat that points of both spans lie on it."""
+    return replace(curve, curvature=1 / 4000)
+
+
+def piece_of(points: Floats, arc: tuple[int, int]) -> tuple[Corridor, Piece]:
+    corridor = corridor_of(points)
+    curve = wire((0, 0, 9), (60, 0, 9), 400)[0]
+    return corridor, Piece(np.arange(len(points)), curve, arc=arc)
+
+
+@pytest.mark.parametrize(("cuts", "held"), [((0, 1), True), ((1, 1), False), ((0, 4), False)])
+def test_a_wire_is_held_where_its_line_is_cut_though_none_saw_it_there(
+    cuts: tuple[int, int], held: bool
+) -> None:
+    """The arms were seen to the other wire only, 8 m aside."""
+    corridor, piece = piece_of(wire((0, 0, 9), (48, 0, 9), 400)[1], (0, 0))
+    support = Support(60, 12, (0.0, 1.0), (-4.0, 0.0), 9, 9, 0, 1.0, cuts=frozenset([cuts]))
+    (one,) = cut(corridor, piece, [support])
+    assert (0 in one[1]) == held
+
+
+def test_two_legs_of_a_frame_that_two_lines_found_are_one_support() -> None:
+    """The support on one leg holds the span before it, that on the other the span behind it."""
+    offsets = (-4.0, 0.0, 4.0)
+    points = [wire((a, y, 12), (a + 50, y, 12), 400)[1] for a in (0, 50) for y in offsets]
+    frame = [bar((50, y, 0), (50, y, 13.5), 15) for y in (-5, 5)]
+    frame.append(bar((50, -5, 13.5), (50, 5, 13.5), 15))
+    lines = []
+    for first, leg in ((0.0, -5.0), (50.0, 5.0)):
+        curves = [wire((first, y, 12), (first + 50, y, 12), 400)[0] for y in offsets]
+        ends = (-1, 0) if first == 0 else (0, -1)
+        wires = [Wire(c, ends, (0.0, 50.0), 0.25, span=1, wire=k) for k, c in enumerate(curves)]
+        sides = (-4 - leg, 0 - leg) if leg < 0 else (0 - leg, 4 - leg)
+        lines.append(Line(wires, [Support(50, leg, (0.0, 1.0), sides, 12, 12, 0, 1.0)]))
+    wires, (support,) = together(corridor_of(*points, *frame), lines)
+    np.testing.assert_allclose((support.x, support.y), (50, 0), atol=0.3)
+    assert len({wire.wire for wire in wires}) == 3
+    assert all(0 in wire.supports for wire in wires)
+
+
+@pytest.mark.parametrize("seen", [True, False], ids=["two poles", "one pole"])
+def test_lines_abreast_have_a_support_each_if_each_shows_a_body(seen: bool) -> None:
+    """Two lines 8 m apart that were one alignment, and are cut at the same chainage."""
+    lines = [0.0, 8.0]
+    poles = [bar((50, y, 0), (50, y, 12), 15) for y in lines[: 1 + seen]]
+    hints = [
+        Hint(np.array([50, y, 11.0]), np.array([way, 0.0]), 0.1, k, True, 0.1, (k, 1), 0)
+        for k, y in enumerate(lines)
+        for way in (1.0, -1.0)
+    ]
+    corridor = corridor_of(*poles)
+    assert len(abreast(corridor, [], hints)) == 1 + seen
+    apart = [replace(hint, whole=hint.cut[0]) for hint in hints]
+    assert len(abreast(corridor, [], apart)) == 1
+
+
+@pytest.mark.parametrize(("apart", "count"), [(6.0, 2), (4.0, 1)])
+def test_lines_cut_apart_have_supports_one_after_the_other(apart: float, count: int) -> None:
+    """Two lines 8 m beside each other, of whose poles nothing is seen."""
+    hints = [
+        Hint(np.array([50 + k * apart, y, 9.0]), np.array([way, 0.0]), 0.1, k, True, 0.1, (k, 1), 0)
+        for k, y in enumerate((0.0, 8.0))
+        for way in (1.0, -1.0)
+    ]
+    found = abreast(corridor_of(*WIRE), [], hints)
+    places = {1: [(52.0, 4.0)], 2: [(50.0, 0.0), (56.0, 8.0)]}[count]
+    np.testing.assert_allclose([(one.x, one.y) for one in found], places)
+
+
+def support_at(x: float, body: float = 0.9, sd_along: float = 0.1) -> Support:
+    cut = frozenset([(0, 1)])
+    return Support(x, 0, (0.0, 1.0), (-1.0, 1.0), 8, 9, 0, body, sd_along=sd_along, cuts=cut)
+
+
+def tried(*supports: Support) -> Tried:
+    """A span of 120 m, and supports that were tried at the same tolerance."""
+    held = [one for one in supports if one.x in (0, 120)]
+    return Tried(corridor_of(*WIRE), [], [Line(spans((0, 120)).wires, held)], supports)
+
+
+def test_poles_are_seen_once_and_only_where_much_of_them_is() -> None:
+    nothing, unsure = support_at(30, body=0.45), support_at(90, sd_along=1.5)
+    loose = replace(support_at(40), cuts=frozenset())
+    tower = replace(support_at(50), high=16)  # which may be 8 m off at another tolerance
+    found = seen_supports(
+        [tried(support_at(60), nothing, unsure), tried(support_at(62), loose, tower)]
+    )
+    assert [one.x for one in found] == [60]
+
+
+@pytest.mark.parametrize(
+    ("aside", "up", "turn", "row"),
+    [
+        (0.0, 0.0, 0.0, True),  # on it, parted where others cross
+        (6.0, 0.6, 0.0, True),
+        (6.0, 3.0, 0.0, False),  # a line above it
+        (14.0, 0.0, 0.0, False),
+        (0.0, 0.0, 12.0, False),
+    ],
+)
+def test_a_wire_beside_those_of_a_trellis_is_one_of_its_rows(
+    aside: float, up: float, turn: float, row: bool
+) -> None:
+    """No wire that crosses it was followed."""
+    mesh = [wire((0, 0, 7), (60, 0, 7), 3000)[0]]
+    one = wire((20, aside, 7 + up), (44, aside + turn, 7 + up), 3000)[0]
+    assert is_row_of_mesh(one, mesh) == row
+    assert not is_row_of_mesh(wire((70, 0, 7), (94, 0, 7), 3000)[0], mesh)
+    corridor = corridor_of(*WIRE)
+    corridor.tied[:] = mesh
+    assert Line([Wire(one, (-1, -1), (0.0, one.length), 0.25)], []).is_structure(corridor) == row
+
+
+@pytest.mark.parametrize(
+    ("seen", "own", "again"),
+    [
+        (support_at(60), (), True),  # passed
+        (support_at(126), (), True),  # the wire ends before it
+        (support_at(131), (), False),
+        (replace(support_at(60), y=9), (), False),  # of a line beside it
+        (support_at(122), (support_at(120),), False),
+        (support_at(122), (support_at(120, body=0.2),), True),  # which is not seen where it is
+        (support_at(120.5), (support_at(120, body=0.2),), False),
+    ],
+)
+def test_a_line_is_sought_again_where_another_tolerance_sees_a_support(
+    seen: Support, own: tuple[Support, ...], again: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, known = tried(*own), []
+
+    def lines_among(corridor: Corridor, *_: object) -> tuple[list[Line], list[Support]]:
+        known.append(corridor.arms)
+        return [], []
+
+    monkeypatch.setattr(follow, "lines_among", lines_among)
+    assert (not one.knowing([seen], 50.0, QUIET)) == again
+    assert [arms.tolist() for arms in known] == again * [[[[seen.x, -1.0], [seen.x, 1.0]]]]
+
+
+POLE = np.array(
+    [(x, 0.2, z) for x, z in zip((53, 53.1, 53.2, 53), (2.5, 4.5, 6.5, 8.1), strict=True)]
+)
+
+
+def moved(points: Floats, *step: float) -> Floats:
+    return points + np.array(step)
+
+
+@pytest.mark.parametrize(
+    ("pole", "beside", "top", "found"),
+    [
+        (POLE, (), 9.0, True),
+        (moved(POLE, 3, 0, 0), (), 9.0, False),  # farther off than a cut may be moved
+        (moved(POLE, 0, 3, 0), (), 9.0, False),  # beside the wires
+        (POLE[:2], (), 9.0, False),
+        (POLE[1:], (moved(POLE[1:], 0, 0, -1),), 9.0, True),
+        (POLE[2:], (moved(POLE[2:], 0, 0, -1),), 9.0, False),  # hangs from the wires
+        (POLE, (moved(POLE, 1, 0, 0), moved(POLE, 0, -1, 0)), 9.0, False),  # a trunk
+        (POLE, tuple(moved(POLE, 0, 0, k) for k in range(1, 9)), 17.0, False),  # a tower shows more
+    ],
+)
+def test_a_pole_is_found_near_a_cut_in_a_wrong_place(
+    pole: Floats, beside: tuple[Floats, ...], top: float, found: bool
+) -> None:
+    corridor = corridor_of(*WIRE, pole, *beside)
+    corridor.free[corridor.air.xyz[:, 2] > 8.5] = top > 9
+    one = pole_near(corridor, np.array([50.0, 0.0]), np.array([1.0, 0.0]), np.zeros(2), top)
+    assert (one is not None) == found
+    if one is not None:
+        np.testing.assert_allclose(one[1], (53.05, 0.2), atol=0.1)
+        assert one[0] >= SETTINGS.supports.enough_body
+        assert one[2] < 0.2
+
+
+def test_wires_are_cut_at_a_support_that_is_known() -> None:
+    """At 60 m they do not bend."""
+    track = wire((0, 0, 9), (120, 0, 9), 700)
+    corridor = corridor_of(track[1])
+    alignment = Alignment.of([Piece(np.arange(len(track[1])), track[0])])
+    assert not len(cuts_of(corridor, alignment)[0])
+    for aside, cuts in ((0.5, [60.0]), (6.0, [])):
+        known = replace(corridor, arms=np.array([[(60.0, aside - 1), (60.0, aside + 1)]]))
+        found = alignment.places(cuts_of(known, alignment)[0])
+        np.testing.assert_allclose(found[:, 0], cuts, atol=SETTINGS.arcs.arm_half_width)
+
+
+def test_braces_of_a_support_are_no_mesh_that_its_wires_are_in() -> None:
+    """Each wire crosses two braces at its end; in a hop garden it would all along."""
+    own = spans((0, 60))
+    corridor = corridor_of(*WIRE)
+
+    def brace(x: float) -> Catenary:
+        z = float(own.wires[0].curve.height(np.array([x]))[0])
+        return wire((x, -3, z), (x, 3, z), 400)[0]
+
+    held = Line([replace(own.wires[0], supports=(0, 1))], [])
+    corridor.tied[:] = [brace(58.8), brace(59.5)]
+    assert not held.is_structure(corridor)
+    corridor.tied[:] = [brace(20.0), brace(31.0)]
+    assert held.is_structure(corridor)
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_an_end_of_a_span_without_a_support_is_told(
+    hidden: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The wires are seen up to 20 to 40 m before their pole, which is not seen either."""
+    _, wires, poles = line([20, 80, 140], [-1, 0, 1], 9, 400)
+    last = [100, 110, 120, *[100, 110, 120], 100] if hidden else [200] * 7
+    parts = [part[part[:, 0] < x] for part, x in zip((*wires, poles), last, strict=True)]
+    CorridorExtract(points=cloud(ground(200, 60, 8), *parts)).run()
+    assert ("support not seen" in caplog.text) == hidden
+
+
+def test_frames_are_found_the_same_wherever_cells_begin() -> None:
+    """Of portals, a leg is found first, of which body and arms tell the middle."""
+    made = SamplesScene(kind="corridor", preset="portal_frames", seed=100).run()
+    truth = made.features.frame
+    true = np.array([g.coords[0][:2] for g in truth[truth.kind == "tower"].geometry])
+    for shift in ((0.0, 0.0), (123.4, -56.7)):
+        xyz = made.points.xyz + np.append(shift, 0.0)
+        result = CorridorExtract(points=PointCloud(xyz, {}, crs=made.points.crs)).run()
+        feet = shapely.get_coordinates(result.towers.frame.geometry) - shift
+        away = np.hypot(*(feet[:, None] - true[None]).transpose(2, 0, 1))
+        assert len(feet) == len(true)
+        assert away.min(axis=1).max() < 0.5
+        assert result.span_count == len(true)  # the data end behind the first and at the last

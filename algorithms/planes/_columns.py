@@ -35,6 +35,7 @@ FRONTS = {
     "relief_from": Column("Relief from", "unit", 3),
     "relief_to": Column("Relief to", "unit", 3),
 }
+DATA_EDGE = "data_edge"  # layer of drawings: an outline that is no edge of the wall
 UNSEEN = "unseen"  # kind of a part of a front without points of its wall, and layer of drawings
 
 OPENINGS = {
@@ -52,6 +53,14 @@ OPENINGS = {
     "rectangle": Column("Rectangle"),
     "found_by": Column("Found by"),
     "certainty": Column("Certainty", "%", 0, 100.0),
+}
+DROPPED = {"front_id": OPENINGS["front_id"], "reason": Column("Why it is no opening")}
+LOOKS = {  # of kinds; as drawings have them, so that windows are not doors on the map of a report
+    "facade": ("Wall", "#b9a98c"),
+    "window": ("Window", "#1f6fd0"),
+    "door": ("Door", "#8c4a1c"),
+    "door or window": ("Door or window", "#d9822b"),
+    UNSEEN: ("Not seen", "#8a8a8a"),
 }
 _AXES = {
     "corner": ("unit", "Zero of the front's coordinates in space"),
@@ -94,4 +103,9 @@ DRAWING = {
     "text": Column("Text"),
     "angle": Column("Angle of the text, counterclockwise", "°", 1),
     "text_height": Column("Height of the text", "unit", 2),
+    "shift": Column(
+        "", meaning="Distance of a dimension's text above its line, in heights of the text"
+    ),
+    "anchor": Column("", meaning="left where the text begins at its point, else it is centred"),
+    "about": Column("", meaning="What of the set stands there: title, client or date"),
 }

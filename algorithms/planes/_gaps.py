@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from algorithms.planes._relief import BEHIND, EMPTY, HIDDEN, WALL, Relief
+from algorithms.planes._rows import joined
 
 BRIDGE = 2  # squares without echoes that do not part a region
 UNSEEN = 0.02  # what a square without echoes takes from a rectangle; one of the wall takes 1
@@ -21,6 +22,8 @@ STRAY = (0.02, 0.98)  # quantiles of the squares of a region between which its b
 CORNER = 0.15  # side of a corner over the shorter side of the box
 CORNER_WALL = 0.7  # share of a corner that is wall, if the region is round or pointed there
 BESIDE = 0.4  # share of a side along which there is wall
+ENCLOSED = 0.8  # share of each of its sides along which there is wall
+REVEAL = 0.3  # share of a side, beside which something stands back, if there is a reveal
 SAME = 1.5  # squares by which sides of openings in one row or column differ at most
 UNSEEN_IN = "nothing seen in it"
 TOO_WIDE = "too wide or too high"
@@ -40,7 +43,8 @@ class Gap(NamedTuple):
     ----------
     shape : rectangle of it, or the squares of it if it is none, on the front
     rectangle : whether it is one
-    found_by : behind (something stands back in it) or grid (its sides are those of others)
+    found_by : behind (something stands back in it), outline (little is seen in it, but wall on
+        all sides of a level rectangle) or grid (its sides are those of others)
     dropped : why it is no opening; empty if it is one
     pure : share of the squares in it that stand back, of those and the wall
     beside : share of its left, lower, right and upper side along which there is wall
@@ -54,22 +58,39 @@ class Gap(NamedTuple):
     beside: tuple[float, float, float, float]
 
 
-def gaps(relief: Relief, *, min_width: float, max_width: float, tallest: float) -> list[Gap]:
+def gaps(
+    relief: Relief, *, min_width: float, max_width: float, tallest: float, recess: float
+) -> list[Gap]:
     """Regions of a front that stand back or hold no points, from left to right.
 
     Lengths are in the unit of the points.
+
+    Parameters
+    ----------
+    recess : farthest that panes stand back, and so the depth of reveals
     """
     limits = (min_width, max_width, tallest)
-    made = [*_behind(relief, limits), *_empty(relief, limits)]
-    found = [gap for gap in made if not gap.dropped]
+    states = joined(relief.states, EMPTY, WALL, min_width / relief.side)
+    relief = relief._replace(states=states)
+    made = [*_behind(relief, limits), *_empty(relief, limits, recess)]
+    found = _apart([gap for gap in made if not gap.dropped])
     known = np.array([gap.shape.bounds for gap in found]).reshape(-1, 4)
     whole = shapely.union_all([gap.shape for gap in found])
-    made = [
+    made = found + [
         _by_grid(gap, known, SAME * relief.side)
         for gap in made
-        if not gap.dropped or gap.shape.intersection(whole).area <= gap.shape.area / 2
+        if gap.dropped and gap.shape.intersection(whole).area <= gap.shape.area / 2
     ]
     return sorted(made, key=lambda gap: gap.shape.bounds)
+
+
+def _apart(found: list[Gap]) -> list[Gap]:
+    """Those of several gaps that do not lie in a larger one, or in the same as one before."""
+    kept: list[Gap] = []
+    for gap in sorted(found, key=lambda gap: -gap.shape.area):
+        if all(gap.shape.intersection(one.shape).area <= gap.shape.area / 2 for one in kept):
+            kept.append(gap)
+    return kept
 
 
 def _behind(relief: Relief, limits: Limits) -> Iterator[Gap]:
@@ -84,6 +105,12 @@ def _behind(relief: Relief, limits: Limits) -> Iterator[Gap]:
             continue  # a strip or a speck
         whole = _completed(seen, holes, hidden)
         best = _best(relief, [whole] if whole is seen else [whole, seen], limits)
+        hole = holes == np.bincount(holes[seen]).argmax()
+        if whole is seen and (best.dropped or _as_high(box, _box(hole))):
+            neat = _neat(relief, hole, limits)
+            if neat and 2 * seen.sum() < hole.sum():
+                neat = neat._replace(found_by="outline")
+            best = neat or best
         parts = _parted(seen, limits[0] / relief.side) if best.dropped == TOO_WIDE else []
         made = [_best(relief, [part], limits) for part in parts]
         made = [
@@ -107,6 +134,46 @@ def _best(relief: Relief, regions: list[Mask], limits: Limits) -> Gap:
     return next((gap for gap in judged if not gap.dropped), judged[-1])
 
 
+def _as_high(seen: Box, hole: Box) -> bool:
+    """Whether a hole is as high as what is seen in it, of which its sides may hide a part.
+
+    A hole that is higher may be the board above a shop and the shop.
+    """
+    return max(abs(seen[0] - hole[0]), abs(seen[2] - hole[2])) <= BRIDGE
+
+
+def _neat(relief: Relief, hole: Mask, limits: Limits) -> Gap | None:
+    """A hole of the wall as an opening by its outline, if it is a rectangle with wall all around.
+
+    Half of the squares along its sides may belong to either.
+    """
+    first, left, last, right = box = _fitted(hole, relief.states, _box(hole))
+    gap = _judged(relief, hole, box, limits)
+    if gap.dropped or not gap.rectangle or min(gap.beside) < ENCLOSED:
+        return None
+    inside = np.zeros_like(hole)
+    inside[first:last, left:right] = True
+    return gap if (hole ^ inside).sum() <= last - first + right - left else None
+
+
+def _has_reveal(relief: Relief, gap: Gap, recess: float) -> bool:
+    """Whether something stands back along a side of a rectangle, as in no shadow and no cut.
+
+    Boards and pictures that were cut out of a scan leave rectangles as neat as openings.
+    """
+    low, high = np.array(gap.shape.bounds).reshape(2, 2)
+    back = (relief.behind > relief.step) & (relief.behind <= recess)
+    rim = SAME * relief.side
+    near = relief.uv[back & ((relief.uv > low - rim) & (relief.uv < high + rim)).all(axis=1)]
+    for axis in (0, 1):
+        for end in (low[axis], high[axis]):
+            beside = near[np.abs(near[:, axis] - end) <= rim, 1 - axis]
+            held = np.unique(np.floor((beside - low[1 - axis]) / relief.side))
+            if len(held) * relief.side >= REVEAL * (high - low)[1 - axis]:
+                return True
+    return False
+
+
 def _parted(region: Mask, width: float) -> list[Mask]:
     """Parts of a region that are joined where it is narrower than an opening, as arches at foot.
 
@@ -119,7 +186,7 @@ def _parted(region: Mask, width: float) -> list[Mask]:
     return list(_regions(wide, wide))
 
 
-def _empty(relief: Relief, limits: Limits) -> Iterator[Gap]:
+def _empty(relief: Relief, limits: Limits, recess: float) -> Iterator[Gap]:
     """Regions in which nothing is seen, or something before them, with wall beside and above."""
     for state, reason in ((EMPTY, UNSEEN_IN), (HIDDEN, "something stands before it")):
         some = ndimage.binary_opening(relief.states == state, np.ones((2, 2), bool))
@@ -128,8 +195,11 @@ def _empty(relief: Relief, limits: Limits) -> Iterator[Gap]:
             if min(box[2] - box[0], box[3] - box[1]) * relief.side < limits[0]:
                 continue
             best = _fitted(region, relief.states, box)
+            neat = _neat(relief, region, limits) if state == EMPTY else None
             judged = _judged(relief, region, best, limits, "", reason)
-            if _between(judged):
+            if neat and _has_reveal(relief, neat, recess):
+                yield neat._replace(found_by="outline")
+            elif _between(judged):
                 yield judged
 
 

@@ -30,11 +30,13 @@ SIDES = ("left", "bottom", "right", "top")
 BESIDE = 4.0  # distance of a point from an edge that is seen, over that of neighbours
 EMPTY = 1.5  # the same behind the opening: one in thirty random half circles has none
 DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the foot of the wall
+DOOR_WIDTH = 0.8  # metres: the least clear width of a door, ISO 21542
 BREAST = 0.8  # metres: least height of the wall below a window, by codes of building
 EITHER = "door or window"  # kind of an opening whose foot was not seen
 OF_TWO = 0.5  # certainty of an opening that may be either, over that of one whose kind is known
 OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which it is another
 SAME = 0.15  # distance of Kolmogorov and Smirnov of intensities of one wall; shutters have 0.25
+ALIKE = 0.5  # the same, up to which a flat back may be a niche of another paint as well
 FLAT = 0.95  # share of the points on the back of a niche that lie in one depth
 UNSEEN = 0.5  # how sure an opening is in which nothing was seen, over one in which there was
 COLUMNS = (
@@ -69,6 +71,7 @@ class Opening(NamedTuple):
     hidden : names of the sides that are not
     found_by : what tells that it is one
     certainty : from 0 to 1
+    niche : whether it may be a blind niche
     """
 
     shape: Any
@@ -78,6 +81,7 @@ class Opening(NamedTuple):
     hidden: str
     found_by: str
     certainty: float
+    niche: bool = False
 
     def row(self, front: Relief, metre: float) -> dict[str, Any]:
         """Its attributes; lengths in the unit of the data."""
@@ -119,6 +123,31 @@ def kind_of(height: float, sill: float, hidden: str, metre: float) -> str:
         return "door"
     low = sill < BREAST * metre and sill + height >= DOOR_HEIGHT * metre
     return EITHER if low and "bottom" in hidden.split(", ") else "window"
+
+
+def may_hide_door(part: Any, wall: Any, metre: float) -> bool:
+    """Whether a part of a wall that was not seen is as large as a door, and as low.
+
+    Parameters
+    ----------
+    part : its outline
+    wall : outline of the wall, with its openings
+    metre : in their unit
+
+    Examples
+    --------
+    >>> wall = shapely.box(0, 0, 9, 6)
+    >>> [may_hide_door(shapely.box(1, y, 2, 2.5), wall, 1.0) for y in (0.2, 0.6)]
+    [True, False]
+    """
+    left, bottom, right, top = part.bounds
+    low, high = wall.bounds[1] - metre, wall.bounds[3] + metre
+    foot = shapely.intersection(wall, shapely.box(left, low, right, high)).bounds[1]
+    sizes = (right - left, top - bottom, foot + DOOR_SILL * metre - bottom)
+    return all(
+        size >= least * metre
+        for size, least in zip(sizes, (DOOR_WIDTH, DOOR_HEIGHT, 0.0), strict=True)
+    )
 
 
 class Openings(NamedTuple):
@@ -166,7 +195,8 @@ def openings(
     wall = outline(uv[held] if held.any() else uv, max_width, ctx=ctx.part(0.4, 0.8))
     here = np.flatnonzero(~front.own & (front.behind > 0) & (front.behind <= depth))
     found, dropped = [], []
-    for gap in gaps(front, min_width=min_width, max_width=max_width, tallest=tallest):
+    limits = {"min_width": min_width, "max_width": max_width, "tallest": tallest}
+    for gap in gaps(front, **limits, recess=recess):
         ctx.progress(0.8)
         shape = None if gap.dropped else _shape(gap, uv, front)
         inside = here if shape is None else here[_in(shape, front.uv[here])]
@@ -174,10 +204,13 @@ def openings(
         if reason := _reason(gap, shape, len(inside), min_width, max_width, fewest):
             dropped.append(gap._replace(dropped=reason))
             continue
-        if shades is not None and _blind(shape, inside, front, shades):
+        unlike = 1.0 if shades is None else _unlike_wall(shape, inside, front, shades)
+        if unlike <= SAME:
             dropped.append(gap._replace(dropped=BLIND))
             continue
-        found.append(_described(gap, shape, inside, front, shades, recess))
+        one = _described(gap, shape, inside, front, shades, recess)
+        sure = one.certainty * (OF_TWO if unlike <= ALIKE else 1.0)
+        found.append(one._replace(certainty=sure, niche=unlike <= ALIKE))
     ctx.progress(1.0)
     found = _with_grid(found, front.side)
     if (hole := HOLE * front.apart) > min_width / 2:
@@ -213,7 +246,8 @@ def _reason(
         return "too narrow"
     if right - left > max_width:
         return "too wide or too high"
-    return "too few points behind it" if seen < fewest and gap.found_by != "grid" else ""
+    few = seen < fewest and gap.found_by == "behind"
+    return "too few points behind it" if few else ""
 
 
 def _shape(gap: Gap, uv: Floats, front: Relief) -> Any:
@@ -250,11 +284,11 @@ def _described(
         known.append("behind")
     if shades is not None and len(inside) and _other_shade(shape, inside, front, shades):
         known.append("reflectance")
-    if gap.found_by == "grid":
-        known.append("grid")
+    if gap.found_by != "behind":
+        known.append(gap.found_by)
     left, bottom, right, top = gap.beside
     sure = math.sqrt(gap.pure * max((left + right) / 2, (bottom + top) / 2))
-    sure *= UNSEEN if gap.found_by == "grid" else 1.0
+    sure *= UNSEEN if gap.found_by != "behind" else 1.0
     return Opening(shape, len(inside), back, edge_seen, hidden, ", ".join(known), sure)
 
 
@@ -268,9 +302,10 @@ def _wall_beside(shape: Any, front: Relief) -> Mask:
     )
 
 
-def _blind(shape: Any, inside: Ints, front: Relief, shades: Floats) -> bool:
-    """Whether wall closes an opening: as bright as that beside it, and as flat.
+def _unlike_wall(shape: Any, inside: Ints, front: Relief, shades: Floats) -> float:
+    """How much the back of an opening differs from the wall beside it, from 0 to 1.
 
+    The distance of Kolmogorov and Smirnov between their intensities; 1 if the back is not as flat.
     Frames, panes, curtains and goods differ in one of the two. What is near the sides is left out,
     where reveals are.
 
@@ -284,11 +319,11 @@ def _blind(shape: Any, inside: Ints, front: Relief, shades: Floats) -> bool:
     back = inside[_in(shapely.buffer(shape, -BESIDE * front.apart), front.uv[inside])]
     beside = _wall_beside(shape, front)
     if not len(back) or not beside.any():
-        return False
+        return 1.0
     depth = front.behind[back]
     if np.mean(np.abs(depth - np.median(depth)) <= front.step) < FLAT:
-        return False
-    return bool(ks_2samp(shades[back], shades[beside], method="asymp").statistic <= SAME)
+        return 1.0
+    return float(ks_2samp(shades[back], shades[beside], method="asymp").statistic)
 
 
 def _other_shade(shape: Any, inside: Ints, front: Relief, shades: Floats) -> bool:

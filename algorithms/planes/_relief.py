@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, label, uniform_filter
+from scipy.ndimage import binary_dilation, binary_opening, find_objects, label, uniform_filter
 
 from algorithms.planes._fronts import Front
 from algorithms.planes._glass import glass
@@ -244,12 +244,20 @@ def _held(uv: Floats) -> tuple[Mask, Ints, Ints]:
 
 
 def _holes(held: Mask) -> float:
-    """Share of the squares inside a plane that hold none of its points.
+    """Share of the squares inside the pieces of a plane that are holes, at least three wide.
 
-    Inside is what has points to the left, right, above and below.
+    Inside is what has points of its piece to the left, right, above and below: doors in one depth
+    leave wall between them, which is no hole in them. Single squares that hold no points are no
+    holes: panes send few points back.
     """
-    inner = between(held, 0) & between(held, 1)
-    return float((inner & ~held).sum() / inner.sum())
+    pieces, _ = label(binary_dilation(held), np.ones((3, 3), bool))
+    inside = empty = 0
+    for number, place in enumerate(find_objects(pieces), start=1):
+        one = held[place] & (pieces[place] == number)
+        inner = between(one, 0) & between(one, 1)
+        inside += int(inner.sum())
+        empty += int(binary_opening(inner & ~one, np.ones((3, 3), bool)).sum())
+    return empty / inside
 
 
 def _walls(

@@ -4,30 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import geopandas
 import numpy as np
 import pandas as pd
 import shapely
-from numpy.typing import NDArray
 
 from algorithms.planes import _columns as columns
+from algorithms.planes._sheet import PENS, Sheet, rounded
 from toolbox.context import QUIET, Context
-from toolbox.data import Table, Vector
-from toolbox.data.crs import is_local, parse_crs
+from toolbox.data import Drawing, Table, Vector
+from toolbox.data.plan import Plan
 from toolbox.declare import outputs, param, sink, source, tool
 
-Floats = NDArray[np.float64]
 NEEDED = ("kind", "front_id", "opening_id", "width", "height", "sill")
-TICK = 0.6  # of the height of a text: half of the stroke that ends a dimension line
-OFF = 2.5  # heights of a text from the wall to the first line of dimensions, and to the next
-ROW = 1.8  # heights of a text from one line of the title block to the next
+LETTERS = 2.5  # mm on paper, the lowest height of ISO 3098 for sheets up to A0
+SHEETS = (  # scale and paper, from the largest scale; elevations smaller than 1:100 are no plans
+    *((scale, paper) for scale in (10, 20) for paper in ("A4", "A3")),
+    *((50, paper) for paper in ("A4", "A3", "A2")),
+    *((100, paper) for paper in ("A4", "A3", "A2", "A1", "A0")),
+    *((scale, "A0") for scale in (200, 500, 1000, 2000, 5000)),
+)
 SHOWN_DIGITS = 3  # of a certainty
-SMALL = 0.6  # height of the levels in an opening over that of other texts
-LETTER = 0.7  # width of a letter over its height
 MILLIMETRES = 1000.0  # in a metre
+FRONTS = "Fronts of the building"
 
 
 @tool(
@@ -49,13 +50,24 @@ class PlanesDrawing:
 
     Write it as .dxf: a layer each for walls, openings, dimensions, numbers and the title block, in
     metres or millimetres as asked. Parts of a front without points of its wall are crossed out on a
-    layer of their own, `unseen`. A star at the number of an opening tells that some of its sides
-    were not seen and may be elsewhere. Below each front stand, row by row, the widths of the
-    openings and the piers between them, with the numbers of the openings at its left, and its whole
-    length; to the left sills and heads of the openings that are farthest to the left, and its whole
-    height. In each opening stand its number and the levels of sill and head above the lowest point
-    of the front. Places are rounded to `rounding` from the lower left corner of the front, so that
-    dimensions add up. The title block says how far apart the points are.
+    layer of their own, `unseen`; `door?` stands in those that are as large as a door and as low. A
+    star at the number of an opening tells that some of its sides were not seen and may be
+    elsewhere: they are broken lines on the layer `data_edge`, as is the outline along a part that
+    was not seen, where it is no edge of the wall, but of the data.
+
+    Below each front stand, row by row, the widths of the openings and the piers between them, with
+    the numbers of the openings at its left, and its whole length; to the left sills and heads of
+    the openings that are farthest to the left, and its whole height. Where a dimension is too
+    narrow for its text, that stands below its line or above the others. In each opening, or beside
+    it, stand its number and the levels of sill and head above the lowest point of the front. Places
+    are rounded to `rounding` from the lower left corner of the front, so that dimensions add up. In
+    a DXF all dimensions are entities that can be changed.
+
+    The title block, in the lower right corner of the frame, has project, client and date of the set
+    that the drawing is handed over with; the notes beside it say how far apart the points are.
+    `plan` is the same on a sheet, to scale: the largest from 1:10 to 1:50 at which it fits A3, or
+    A2 for 1:50, else 1:100 on as large a sheet as it needs, on A4 where that is enough. Labels are
+    2.5 mm high there, unless `text_height` is given.
 
     The table lists the openings with place, width, height and sill in millimetres, front by front,
     with the figures of the drawing, and how sure an edge can be: as the points are apart. Of each
@@ -66,12 +78,22 @@ class PlanesDrawing:
     unit: Literal["m", "mm"] = param(
         "Unit of the drawing", default="m", words={"m": "Metres", "mm": "Millimetres"}
     )
-    text_height: float = param("Height of the labels", default=0.2, unit="m", gt=0, le=100)
+    text_height: float | None = param(
+        "Height of the labels; as it is 2.5 mm on the sheet unless given",
+        default=None,
+        unit="m",
+        gt=0,
+        le=100,
+        label="Height of labels",
+    )
     rounding: float = param(
         "Step to which dimensions are rounded", default=0.01, unit="m", gt=0, le=1, label="Rounding"
     )
     subject: str | None = param(
         "What is drawn, for the title block", default=None, label="Subject of the drawing"
+    )
+    number: str | None = param(
+        "Number of the drawing, for the title block", default=None, label="Number of the drawing"
     )
 
     @outputs
@@ -79,10 +101,13 @@ class PlanesDrawing:
         drawing: Vector = sink(
             "Walls, openings, dimensions and texts, with a layer each", columns=columns.DRAWING
         )
+        plan: Drawing = sink("The drawing on a sheet; as a file it is to scale", label="Drawing")
         schedule: Table = sink(
             "Openings with front, kind, width, height and sill", columns=columns.SCHEDULE
         )
-        areas: Table = sink("Areas of each front, which add up", columns=columns.AREAS)
+        areas: Table = sink(
+            "Areas of each front, which add up", columns=columns.AREAS, label="Areas of fronts"
+        )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The elevation is one of planes.openings."""
@@ -97,269 +122,77 @@ class PlanesDrawing:
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> PlanesDrawing.Outputs:
-        """Draw front by front, then the title block."""
+        """Draw it at the largest scale that fits its sheet."""
         ctx.progress(0.0)
-        frame = self.elevation.frame
-        metre = self.elevation.metre
-        sheet = Sheet(
-            self.text_height, self.rounding, metre, 1 if self.unit == "m" else MILLIMETRES
-        )
-        walls = frame[frame["kind"] == "facade"]
-        for wall in walls.itertuples():
-            here = frame[frame["front_id"] == wall.front_id]
-            bare = here.loc[here["kind"] == columns.UNSEEN].geometry.tolist()
-            sheet.front(int(wall.front_id), wall.geometry, _openings(here), bare)
-        if len(walls):
-            sheet.title_block(
-                self.subject or "Fronts of the building",
-                len(walls),
-                self.unit,
-                float(walls["spacing"].max()) if "spacing" in walls else None,
-                (frame["kind"] == columns.UNSEEN).any(),
-            )
+        frame, metre = self.elevation.frame, self.elevation.metre
+        for scale, paper in SHEETS:
+            sheet = self._drawn(scale, paper)
+            if sheet.fits:
+                break
+        drawing = sheet.layer(self.elevation)
         return self.Outputs(
-            drawing=sheet.layer(self.elevation),
+            drawing=drawing,
+            plan=Plan(
+                self.subject or FRONTS,
+                (),
+                (),
+                crs=drawing.crs,
+                scale=scale,
+                frame=drawing.frame,
+                paper=paper,
+                pens=PENS,
+            ),
             schedule=schedule(frame, self.rounding, metre),
             areas=areas(frame, metre),
         )
 
+    def _drawn(self, scale: int, paper: str) -> Sheet:
+        """Draw front by front, then the frame with the title block, at a scale."""
+        frame, metre = self.elevation.frame, self.elevation.metre
+        mm = scale * metre / MILLIMETRES
+        shown = 1 if self.unit == "m" else MILLIMETRES
+        sheet = Sheet(paper, mm, self.text_height or LETTERS * mm, self.rounding, metre, shown)
+        walls = frame[frame["kind"] == "facade"]
+        for wall in walls.itertuples():
+            here = frame[frame["front_id"] == wall.front_id]
+            bare = here.loc[here["kind"] == columns.UNSEEN].geometry.tolist()
+            sheet.front(wall, _openings(here), bare)
+        if len(walls):
+            head = [
+                ("Project", "", "title"),
+                ("Drawing", self.subject or FRONTS, None),
+                ("Client", "", "client"),
+                ("Number", self.number or "", None),
+                ("Date", "", "date"),
+                ("Scale", f"1:{scale}, {paper}", None),
+            ]
+            sheet.finish(head, self._notes(sheet, walls))
+        return sheet
 
-class Sheet:
-    """A drawing in the making, in the unit of the elevation.
-
-    Parameters
-    ----------
-    size : height of texts
-    rounding : step of dimensions
-    metre : in the unit of the elevation
-    shown : numbers in dimensions are metres times this
-    """
-
-    def __init__(self, size: float, rounding: float, metre: float, shown: float) -> None:
-        self.size, self.rounding, self.metre, self.shown = size, rounding, metre, shown
-        self.rows: list[dict[str, Any]] = []
-        self.shapes: list[Any] = []
-        self.starred = False
-
-    def front(
-        self, number: int, wall: Any, openings: geopandas.GeoDataFrame, unseen: list[Any]
-    ) -> None:
-        """Draw a front with its openings and their dimensions, and what was not seen of it."""
-        outline = shapely.unary_union([wall, *openings.geometry])
-        left, bottom, right, top = outline.bounds
-        for part in shapely.get_parts(outline):
-            self._add("walls", shapely.LineString(part.exterior.coords))
-        for one in openings.itertuples():
-            self._add("openings", shapely.LineString(one.geometry.exterior.coords))
-            star = "*" if _unsure(one) else ""
-            self.starred |= bool(star)
-            self._text("numbers", f"{one.opening_id}{star}", *_middle(one.geometry))
-        for part in unseen:
-            self._add(columns.UNSEEN, shapely.LineString(part.exterior.coords))
-            for across in crossed(part):
-                self._add(columns.UNSEEN, across)
-        self._text("numbers", f"Front {number}", (left + right) / 2, top + OFF * self.size)
-        zero = np.array([left, bottom])
-        boxes = zero[[0, 1, 0, 1]] + rounded(openings.geometry.bounds, zero, self.rounding)
-        right, top = zero + rounded(np.array([right, top]), zero, self.rounding)
-        self._levels(boxes, bottom)
-        near = OFF * self.size
-        numbers = openings["opening_id"].to_numpy(np.int64)
-        low, rows = bottom, rows_of(boxes)
-        for row in rows:
-            low -= near
-            self._chain(ends(boxes[row][:, [0, 2]], left, right), low, along=0)
-            name = ", ".join(map(str, numbers[row[np.argsort(boxes[row, 0])]]))
-            self._text("dimensions", name, left - (LETTER * len(name) / 2 + 1) * self.size, low)
-        self._chain(np.array([left, right]), low - near, along=0)
-        column = levels(boxes, bottom, top)
-        self._chain(column, left - near, along=1)
-        if len(column) > 2:
-            self._chain(column[[0, -1]], left - 2 * near, along=1)
-
-    def _levels(self, boxes: Floats, zero: float) -> None:
-        """The heights of sill and head above the zero of the front, within each opening."""
-        size = SMALL * self.size
-        for left, bottom, right, top in boxes:
-            for level, inwards in ((bottom, size), (top, -size)):
-                value = f"{'+' if level > zero else ''}{self._number(level - zero)}"
-                self._text("levels", value, (left + right) / 2, level + inwards, size=size)
-
-    def _chain(self, places: Floats, across: float, *, along: int) -> None:
-        """A line of dimensions, with a stroke at each place and the distances between."""
-        self._add(
-            "dimensions", shapely.LineString([_at(p, across, along) for p in places[[0, -1]]])
-        )
-        tick = TICK * self.size
-        for place in places:
-            x, y = _at(place, across, along)
-            self._add(
-                "dimensions", shapely.LineString([(x - tick, y - tick), (x + tick, y + tick)])
-            )
-        for one, other in pairwise(places):
-            x, y = _at(
-                (one + other) / 2, across + 0.8 * self.size * (1 if along == 0 else -1), along
-            )
-            self._text("dimensions", self._number(other - one), x, y, angle=90.0 * along)
-
-    def _number(self, length: float) -> str:
-        """A length between rounded places, as it stands in the drawing."""
-        value = round(length / self.rounding) * self.rounding / self.metre * self.shown
-        digits = max(0, math.ceil(-math.log10(self.rounding / self.metre * self.shown) - 1e-9))
-        return f"{value:.{digits}f}"
-
-    def title_block(
-        self, subject: str, fronts: int, unit: str, spacing: float | None, bare: bool
-    ) -> None:
-        """A frame at the lower right with what is drawn, in which unit, and how exactly.
-
-        Parameters
-        ----------
-        spacing : distance of points on the walls, in the unit of the elevation
-        bare : whether some of the walls were not seen
-        """
-        west, south, east, _ = shapely.total_bounds(np.array(self.shapes, object))
-        step = self.rounding / self.metre * self.shown
-        lines = [
-            subject,
-            f"Elevation of {fronts} front{'s' if fronts != 1 else ''}, outside",
-            f"Dimensions in {unit}, rounded to {step:g} {unit}",
-            "From points of a laser scan",
-        ]
-        if bare:
-            lines.append("Crossed out: no point of the wall was seen there")
-        if self.starred:
-            lines.append("* some sides were not seen and may be elsewhere: see the schedule")
-        if spacing is not None:
-            apart = f"{spacing / self.metre * self.shown:.{0 if unit == 'mm' else 2}f} {unit}"
-            lines.append(f"Points {apart} apart: no edge is surer than that")
-        width = LETTER * self.size * max(map(len, lines)) + 2 * self.size
-        top, height = south - 2 * OFF * self.size, (len(lines) + 1) * ROW * self.size
-        right = max(east, west + width)
-        self._add(
-            "title",
-            shapely.LineString(
-                shapely.box(right - width, top - height, right, top).exterior.coords
+    def _notes(self, sheet: Sheet, walls: geopandas.GeoDataFrame) -> list[tuple[str, str]]:
+        """What is drawn, in which unit, how exactly, and what its signs mean."""
+        step = self.rounding / sheet.metre * sheet.shown
+        there = {row["layer"] for row in sheet.rows}
+        unit = self.unit
+        said = [
+            ("Shows", f"fronts from outside: {len(walls)}"),
+            (
+                "Unit",
+                f"{unit}, rounded to {step:g} {unit}; levels above the lowest point of a front",
             ),
-        )
-        for number, text in enumerate(lines, start=1):
-            self._text("title", text, right - width / 2, top - number * ROW * self.size)
-
-    def _text(
-        self,
-        layer: str,
-        text: str,
-        x: float,
-        y: float,
-        *,
-        angle: float = 0.0,
-        size: float | None = None,
-    ) -> None:
-        high = self.size if size is None else size
-        self._add(layer, shapely.Point(x, y), text=text, angle=angle, text_height=high)
-
-    def _add(self, layer: str, shape: Any, **more: Any) -> None:
-        self.rows.append({"layer": layer, **more})
-        self.shapes.append(shape)
-
-    def layer(self, elevation: Vector) -> Vector:
-        """The drawing in metres or millimetres, if the unit of the elevation is known."""
-        names = ["layer", "text", "angle", "text_height"]
-        frame = geopandas.GeoDataFrame(
-            pd.DataFrame(self.rows, columns=names), geometry=self.shapes, crs=elevation.crs
-        )
-        if elevation.crs is not None and is_local(elevation.crs):
-            factor = self.shown / self.metre
-            moved = shapely.transform(frame.geometry.to_numpy(), lambda xy: xy * factor)
-            crs = parse_crs("local" if self.shown == 1 else "local:mm")
-            frame = frame.assign(text_height=frame["text_height"] * factor)
-            frame = frame.set_geometry(moved).set_crs(crs, allow_override=True)
-        return Vector(frame, name="drawing", geometry_type="Unknown")
-
-
-def _unsure(opening: Any) -> bool:
-    """Whether sides of an opening were not seen; no door has wall below it."""
-    hidden = getattr(opening, "hidden", None)
-    sides = set(hidden.split(", ")) if isinstance(hidden, str) and hidden else set()
-    return bool(sides - ({"bottom"} if opening.kind == "door" else set()))
-
-
-def crossed(part: Any) -> list[Any]:
-    """Lines from corner to corner of the box around a polygon, within it."""
-    left, bottom, right, top = part.bounds
-    lines = shapely.linestrings(
-        [[(left, bottom), (right, top)], [(left, top), (right, bottom)]],
-    )
-    inside = shapely.get_parts(shapely.intersection(lines, part))
-    return [line for line in inside.tolist() if line.geom_type == "LineString"]
-
-
-def _at(place: float, across: float, along: int) -> tuple[float, float]:
-    return (place, across) if along == 0 else (across, place)
-
-
-def _middle(shape: Any) -> tuple[float, float]:
-    left, bottom, right, top = shape.bounds
-    return (left + right) / 2, (bottom + top) / 2
-
-
-def rows_of(boxes: Floats) -> list[NDArray[np.int64]]:
-    """Indices of the openings of each row, from the lowest up.
-
-    To a row belong those that reach into the height of the one whose head is the lowest.
-
-    Parameters
-    ----------
-    boxes : array of shape (n, 4), bounds of the openings
-
-    Examples
-    --------
-    >>> [row.tolist() for row in rows_of(np.array([[0, 0, 1, 2], [2, 1, 3, 2], [0, 3, 1, 4.0]]))]
-    [[0, 1], [2]]
-    """
-    rows, left = [], np.arange(len(boxes))
-    while len(left):
-        lowest = boxes[left[np.argmin(boxes[left, 3])]]
-        here = (boxes[left, 1] < lowest[3]) & (boxes[left, 3] > lowest[1])
-        rows.append(left[here])
-        left = left[~here]
-    return rows
-
-
-def ends(pairs: Floats, first: float, last: float) -> Floats:
-    """Where openings begin and end, of shape (n, 2), with the ends of what they lie in."""
-    return np.unique(np.append(pairs, [first, last]))
-
-
-def levels(boxes: Floats, bottom: float, top: float) -> Floats:
-    """Heights of sills and heads of the openings farthest to the left, with foot and top.
-
-    Parameters
-    ----------
-    boxes : array of shape (n, 4), bounds of the openings
-    """
-    if not len(boxes):
-        return np.array([bottom, top])
-    first = boxes[np.argmin(boxes[:, 2])]
-    column = boxes[(boxes[:, 0] < first[2]) & (boxes[:, 2] > first[0])]
-    return ends(column[:, [1, 3]], bottom, top)
-
-
-def rounded(places: Any, zero: Floats, step: float) -> Floats:
-    """Places less a zero in whole steps: distances between such add up to the whole.
-
-    Parameters
-    ----------
-    places : array of shape (..., 2 k): right and up by turns
-    zero : of shape (2,)
-
-    Examples
-    --------
-    >>> rounded(np.array([[1.004, 0.0, 2.008, 2.1]]), np.zeros(2), 0.01).round(6).tolist()
-    [[1.0, 0.0, 2.01, 2.1]]
-    """
-    less = np.asarray(places, float) - np.resize(zero, np.shape(places)[-1])
-    return np.asarray(np.round(less / step) * step)
+            ("Source", "points of a laser scan"),
+        ]
+        apart = float(walls["spacing"].max()) if "spacing" in walls else math.nan
+        if math.isfinite(apart):
+            shown = f"{apart / sheet.metre * sheet.shown:.{0 if unit == 'mm' else 2}f} {unit}"
+            said.append(("Accuracy", f"points {shown} apart: no edge is surer than that"))
+        if columns.UNSEEN in there:
+            said.append(("Crossed", "no point of the wall was seen there; openings may be hidden"))
+        if columns.DATA_EDGE in there:
+            said.append(("Broken", "not seen: end of the data, or a side that may be elsewhere"))
+        if sheet.starred:
+            said.append(("*", "some sides were not seen and may be elsewhere: see the schedule"))
+        return said
 
 
 def _openings(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:

@@ -138,7 +138,7 @@ class PlanesExtract:
         )
         elevation: Vector = sink(
             "Outlines seen square to the largest upright plane, in its plane",
-            show=show.Classes("kind", apart=True),
+            show=show.Classes("kind", columns.LOOKS, apart=True),
             columns=columns.PLANES,
         )
         count: int = sink("Planes", unit="1")

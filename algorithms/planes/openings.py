@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 from algorithms.planes import _columns as columns
 from algorithms.planes import _parameters as options
 from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside, turn
-from algorithms.planes._openings import BLIND, COLUMNS, EITHER, Openings, marked, openings
+from algorithms.planes._openings import (
+    BLIND,
+    COLUMNS,
+    EITHER,
+    Openings,
+    marked,
+    may_hide_door,
+    openings,
+)
 from algorithms.planes._outlines import View, drawn
 from algorithms.planes._relief import Relief, relief_of
 from algorithms.planes._segment import parts_of
@@ -67,16 +75,17 @@ class PlanesOpenings:
 
     Where something stands back from the wall around it, by `min_recess` or what the noise allows,
     is an opening: a pane, a door, goods, a curtain. It has to fill most of a level rectangle, or
-    have a clear outline of another form, and wall beside it. A gap in which nothing is seen is a
-    shadow of what stands in front, or a dark room: it is an opening only if two others lie in its
-    row and one in its column, with the same sides. A recess whose back is as flat and as bright as
-    the wall beside it is a blind niche, and no opening.
+    have a clear outline of another form, and wall beside it. A gap in which nothing is seen may be
+    a shadow of what stands in front, or a dark room: it is an opening if wall lies on all sides of
+    a level rectangle and a side has a reveal, or if two others lie in its row and one in its
+    column, with the same sides. A recess whose back is as flat and as bright as the wall beside it
+    is a blind niche, and no opening; where it is nearly as bright, the certainty is half.
 
     `found_by` says what tells: recess (something no farther back than `recess`), behind (farther),
-    reflectance (it is not that of the wall beside), grid (its sides are in line with those of
-    another one). `certainty`, from 0 to 1, is how much of the opening, as far as it is seen, is not
-    wall, and how much of its sides has wall beside it. Gaps that were looked at and are no openings
-    are in `dropped`, with the reason.
+    reflectance (it is not that of the wall beside), outline (nothing is seen in it), grid (its
+    sides are in line with those of another one). `certainty`, from 0 to 1, is how much of the
+    opening, as far as it is seen, is not wall, and how much of its sides has wall beside it. Gaps
+    that were looked at and are no openings are in `dropped`, with the reason.
 
     Each edge of a rectangle is where 95 of 100 rows of points on the wall end. Where something
     stands in front, such as a balcony, the gap ends at its shadow. An edge is seen
@@ -146,17 +155,20 @@ class PlanesOpenings:
         )
         openings: Vector = sink(
             "Outline of each opening in space, with its size and what it is",
-            show=show.Classes("kind"),
+            show=show.Classes("kind", columns.LOOKS),
             columns=columns.OPENINGS,
         )
         elevation: Vector = sink(
             "Each front and its openings, in its own coordinates",
-            show=show.Classes("kind", apart=True),
+            show=show.Classes("kind", columns.LOOKS, apart=True),
             also=(".ifc",),
             listed=False,
             columns=columns.ELEVATION,
+            label="Elevation of fronts",
         )
-        dropped: Vector = sink("Gaps that are no openings, with the reason")
+        dropped: Vector = sink(
+            "Gaps that are no openings, with the reason", columns=columns.DROPPED
+        )
         planes: Vector = sink("Outlines of the planes that are left")
         count: int = sink("Openings", unit="1")
         fronts: int = sink("Fronts that were looked at", unit="1")
@@ -283,15 +295,31 @@ class PlanesOpenings:
             self._warn_of_either(number + 1, relief, made)
             self._warn_of_glass(number + 1, [int(numbers[k]) for k in relief.glass])
         if not any(one.made.found for one in seen):
-            names = ", ".join(str(one.number) for one in seen)
-            log.warning(
-                "the front of plane %s has no openings; look at min_width, min_points and dropped, "
-                "where most gaps are: %s; of a curtain wall with much seen on its glass, give the "
-                "points of its frames alone (points.filter_intensity)",
-                names,
-                _commonest([gap.dropped for one in seen for gap in one.made.dropped]),
-            )
+            self._warn_of_none([gap.dropped for one in seen for gap in one.made.dropped], seen)
         return seen
+
+    def _warn_of_none(self, reasons: list[str], seen: list[_Seen]) -> None:
+        """Say so where no gap is an opening, and why."""
+        names = ", ".join(str(one.number) for one in seen)
+        if not reasons:
+            log.warning(
+                "the front of plane %s has no openings, as its wall has no gaps; of a curtain wall "
+                "with much seen on its glass, give the points of its frames alone "
+                "(points.filter_intensity)",
+                names,
+            )
+            return
+        reason, count = Counter(reasons).most_common(1)[0]
+        log.warning(
+            "the front of plane %s has no openings; most gaps are: %s (%d of %d), and the layer "
+            "dropped has where; planes.openings has min_width and min_points for smaller ones; of "
+            "a curtain wall with much seen on its glass, give the points of its frames alone "
+            "(points.filter_intensity)",
+            names,
+            reason,
+            count,
+            len(reasons),
+        )
 
     def _warn_if_bent(self, number: int, degrees: float) -> None:
         """Say so where a front is on a curve, of which a plane holds a piece alone."""
@@ -329,8 +357,8 @@ class PlanesOpenings:
         if step > NOISY * self.min_recess:
             log.warning(
                 "the points of front %d scatter about its wall: only what stands back by %.2f m or "
-                "more is told from it, not by min_recess, %g m; openings with panes nearer to the "
-                "wall may be missed, and others may be none",
+                "more is told from it, not by min_recess of planes.openings, %g m; openings with "
+                "panes nearer to the wall may be missed, and others may be none",
                 number,
                 step,
                 self.min_recess,
@@ -348,6 +376,19 @@ class PlanesOpenings:
                 number,
                 area / self.points.metre**2,
             )
+        doors = [part for part in made.unseen if may_hide_door(part, made.wall, self.points.metre)]
+        if doors:
+            log.warning(
+                "parts of front %d not seen that are as large as a door and as low: %d, from %s m "
+                "on from its left end; each may hide one: look there, or merge a scan that sees "
+                "them",
+                number,
+                len(doors),
+                ", ".join(
+                    f"{(part.bounds[0] - made.wall.bounds[0]) / self.points.metre:.1f}"
+                    for part in sorted(doors, key=lambda part: float(part.bounds[0]))
+                ),
+            )
 
     def _warn_of_blind(self, number: int, made: Openings) -> None:
         """Say so where recesses are taken for wall, since shutters may be as bright and flat."""
@@ -358,6 +399,14 @@ class PlanesOpenings:
                 "as the wall look the same; dropped has their places",
                 number,
                 blind,
+            )
+        if maybe := sum(one.niche for one in made.found):
+            log.warning(
+                "openings of front %d that may be blind niches: %d; their back is as flat as the "
+                "wall and nearly as bright, as a painted niche or a closed shutter is: look there; "
+                "certainty is half",
+                number,
+                maybe,
             )
 
     def _warn_of_glass(self, number: int, planes: list[int]) -> None:
@@ -410,6 +459,14 @@ class PlanesOpenings:
                     "are they a scan of a building?"
                 )
             alone = max(upright, key=lambda k: int(sizes[k]))
+            log.warning(
+                "no upright plane is %g m wide and high, as a front of a building is: plane %d, "
+                "the largest, is looked at alone, as front 1, and the others, %d in all, are in no "
+                "elevation",
+                STOREY,
+                numbers[alone],
+                len(planes) - 1,
+            )
         if not fronts:
             outwards = outside(xyz, planes[alone], np.flatnonzero(ranks == alone + 1), metre)
             fronts = [Front(outwards, [alone], np.zeros(1))]
@@ -433,8 +490,9 @@ class PlanesOpenings:
             shown.append(whole | {"front_id": front_id} | _place(one.relief.view, shift))
             flat.append(_moved(hole, shift))
             for opening in one.made.found:
-                row = {"opening_id": len(rows) + 1, "front_id": front_id}
+                row: dict[str, Any] = {"opening_id": len(rows) + 1, "front_id": front_id}
                 row |= opening.row(one.relief, metre)
+                row["certainty"] *= told_of(opening.shape, one.spacing)
                 rows.append(row)
                 shown.append(row)
                 solid.append(one.relief.view.raised(opening.shape))
@@ -488,12 +546,22 @@ class _Seen(NamedTuple):
         return math.sqrt(max(bare, 0.0) / max(walls, 1))
 
 
-def _commonest(reasons: list[str]) -> str:
-    """The reason that most gaps have, and how many; "none" without gaps."""
-    if not reasons:
-        return "none"
-    reason, count = Counter(reasons).most_common(1)[0]
-    return f"{reason} ({count} of {len(reasons)})"
+def told_of(shape: Any, spacing: float) -> float:
+    """How far points tell an opening from a gap between points, 0 to 1: as many lie across it.
+
+    Parameters
+    ----------
+    shape : its outline
+    spacing : from one point to the next, in the same unit
+
+    Examples
+    --------
+    >>> told_of(shapely.box(0, 0, 3, 2), 0.1), told_of(shapely.box(0, 0, 3, 1), 0.5)
+    (1.0, 0.5)
+    """
+    left, bottom, right, top = shape.bounds
+    least = POINTS_ACROSS * spacing
+    return float(min(1.0, min(right - left, top - bottom) / least)) if least > 0 else 1.0
 
 
 def _place(view: View, shift: Floats) -> dict[str, float]:

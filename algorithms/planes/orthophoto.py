@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.windows import filled
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.declare import outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Floats = NDArray[np.float64]
+Flat = tuple[NDArray[np.int64], Floats, Floats]  # points near a front: index, place, how far out
 PLACE = [f"{name}_{axis}" for name in ("corner", "right", "up") for axis in "xyz"]
 COLOURS = ("red", "green", "blue")
+RELIEF = "relief"
 DARKEST, BRIGHTEST = 1.0, 99.0  # percentiles that are black and white
 BLACK, WHITE = 1, 255  # of the image, in which 0 is nodata
 
@@ -35,9 +37,10 @@ class PlanesOrthophoto:
     """Make an image of all fronts, each seen square to it, on the elevation.
 
     Each cell shows the point that stands farthest out within `image_depth` before and behind the
-    front, in its colour, or else its intensity. Cells without points take the nearest within
-    `fill_cells`. The image has the coordinates of the elevation of planes.openings, and of
-    drawings of it, so lengths can be taken from it.
+    front, in its colour, or else its intensity. Of points without both it shows the relief: what
+    stands farther out is brighter. Cells without points take the nearest within `fill_cells`. The
+    image has the coordinates of the elevation of planes.openings, and of drawings of it, so lengths
+    can be taken from it.
     """
 
     points: PointCloud = source("Points of the scan")
@@ -73,11 +76,9 @@ class PlanesOrthophoto:
         filled_share: float = sink("Share of the fronts that the image shows", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The elevation tells where its fronts are, and points have a brightness."""
+        """The elevation tells where its fronts are."""
         if missing := [name for name in PLACE if name not in self.elevation.names]:
             yield "elevation", f"has no attribute {missing[0]}; take that of planes.openings"
-        if not self._bands():
-            yield "points", f"{self.points.name} has neither colours nor intensity"
 
     def halo(self) -> float:
         """Infinite, as all fronts are on one image."""
@@ -96,16 +97,18 @@ class PlanesOrthophoto:
             raise NothingToDo("points: none lies near a front")
         size = self._cell(fronts.geometry.area.sum(), flat)
         lattice = Lattice.cover(self.elevation.bounds, size)
-        shades = [stretched(self.points[name].astype(float)) for name in self._bands()]
-        image = np.zeros((len(shades), *lattice.shape), np.uint8)
-        for number, (front, (which, uv, out)) in enumerate(zip(fronts.geometry, flat, strict=True)):
+        shades = self._shades(flat)
+        image = np.zeros((len(shades[0]), *lattice.shape), np.uint8)
+        for number, (front, (_, uv, out), own) in enumerate(
+            zip(fronts.geometry, flat, shades, strict=True)
+        ):
             ctx.progress(number / len(flat))
             left, bottom, right, top = front.bounds
             near = (uv[:, 0] >= left) & (uv[:, 0] < right) & (uv[:, 1] >= bottom) & (uv[:, 1] < top)
             order = np.flatnonzero(near)[np.argsort(out[near], kind="stable")]
             row, col = lattice.indices(*uv[order].T)
-            for band, shade in zip(image, shades, strict=True):
-                band[row, col] = shade[which[order]]
+            for band, shade in zip(image, own, strict=True):
+                band[row, col] = shade[order]
         shown = filled(image, image[0] == 0, self.fill_cells)
         inside = np.zeros(lattice.shape, bool)
         x, y = lattice.centres()
@@ -119,7 +122,7 @@ class PlanesOrthophoto:
             lattice,
             crs=self.elevation.crs,
             nodata=0.0,
-            descriptions=self._bands(),
+            descriptions=self._bands() or (RELIEF,),
         )
         return self.Outputs(
             image=made,
@@ -133,9 +136,21 @@ class PlanesOrthophoto:
             return COLOURS
         return ("intensity",) if "intensity" in self.points else ()
 
-    def _flat(
-        self, xyz: Floats, firm: NDArray[np.bool_], front: pd.Series[Any]
-    ) -> tuple[NDArray[np.int64], Floats, Floats]:
+    def _shades(self, flat: list[Flat]) -> list[list[NDArray[np.uint8]]]:
+        """The bands of the image, 1 to 255, at the points near each front."""
+        if names := self._bands():
+            bands = [stretched(self.points[name].astype(float)) for name in names]
+            return [[band[which] for band in bands] for which, *_ in flat]
+        log.warning(
+            "%s has neither colours nor intensity: the image of fronts shows their relief, what "
+            "stands farther out is brighter",
+            self.points.name,
+        )
+        relief = stretched(np.concatenate([out for *_, out in flat]))
+        ends = np.cumsum([len(out) for *_, out in flat])[:-1]
+        return [[part] for part in np.split(relief, ends)]
+
+    def _flat(self, xyz: Floats, firm: NDArray[np.bool_], front: pd.Series[Any]) -> Flat:
         """Indices of points of a mask near a front, their places on it, and how far out."""
         corner, right, up = np.asarray(front[PLACE], np.float64).reshape(3, 3)
         near = xyz - corner
@@ -143,7 +158,7 @@ class PlanesOrthophoto:
         which = np.flatnonzero(firm & (np.abs(out) <= self.image_depth))
         return which, near[which] @ np.column_stack([right, up]), out[which]
 
-    def _cell(self, area: float, flat: list[tuple[NDArray[np.int64], Floats, Floats]]) -> float:
+    def _cell(self, area: float, flat: list[Flat]) -> float:
         """The size of the cells: one and a half spacings of the points unless it is given."""
         if self.cell != "auto":
             return float(self.cell)

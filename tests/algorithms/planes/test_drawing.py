@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import geopandas
@@ -12,8 +13,12 @@ import shapely
 from pyproj import CRS
 from scenes.fronts import elevation
 
-from algorithms.planes.drawing import PlanesDrawing, rows_of
+from algorithms.planes._labels import box_of
+from algorithms.planes._sheet import rows_of
+from algorithms.planes.drawing import PlanesDrawing
+from toolbox import language
 from toolbox.data import Vector
+from toolbox.data.plan import Plan
 from toolbox.errors import DataError
 
 UTM = CRS(32635)
@@ -24,7 +29,7 @@ def texts(frame: geopandas.GeoDataFrame, layer: str) -> list[str]:
 
 
 def test_dimensions_are_those_of_the_wall() -> None:
-    found = PlanesDrawing(elevation=elevation(), subject="Town hall").run()
+    found = PlanesDrawing(elevation=elevation(), subject="Town hall", number="A-7").run()
     frame = found.drawing.frame
     assert texts(frame, "dimensions") == [
         *("1.00", "1.00", "2.00", "1.50", "4.50", "1, 2"),
@@ -32,12 +37,189 @@ def test_dimensions_are_those_of_the_wall() -> None:
         *("2.10", "3.90", "6.00"),
     ]
     assert texts(frame, "levels") == ["0.00", "+2.10", "+1.00", "+2.50", "+4.00", "+5.00"]
-    assert texts(frame, "numbers") == ["1", "2", "3", "Front 1"]
-    assert texts(frame, "title")[:3] == [
-        "Town hall",
-        "Elevation of 1 front, outside",
-        "Dimensions in m, rounded to 0.01 m",
+    assert texts(frame, "numbers") == ["1", "2", "3", "Front 1, 0 = height 100.00 m of the points"]
+    assert texts(frame, "title") == [
+        *("Project", "Drawing", "Town hall", "Client", "Number", "A-7", "Date"),
+        *("Scale", "1:50, A4", "Shows", "fronts from outside: 1"),
+        *("Unit", "m, rounded to 0.01 m; levels above the lowest point of a front"),
+        *("Source", "points of a laser scan"),
     ]
+
+
+def test_a_set_fills_in_the_title_block() -> None:
+    """Title and client were given on the command line, and were not in the drawing."""
+    found = PlanesDrawing(elevation=elevation()).run()
+    head = {"title": "Survey", "client": "The city", "date": "2026-11-24"}
+    for layer in (found.drawing.with_head(head), found.plan.with_head(head)):
+        said = texts(layer.frame, "title")
+        assert [said[said.index(name) + 1] for name in ("Project", "Client", "Date")] == [
+            *head.values()
+        ]
+    assert "The city" not in texts(found.drawing.frame, "title"), "the tool's own is as it was"
+
+
+def test_what_nobody_told_stays_an_empty_field(tmp_path: Path) -> None:
+    """The title block said "Number -"; and a place without its text is no point of a DXF."""
+    import ezdxf
+
+    found = PlanesDrawing(elevation=elevation()).run()
+    said = texts(found.drawing.with_head({"title": "Survey"}).frame, "title")
+    assert said[: said.index("Scale")] == [
+        *("Project", "Survey", "Drawing", "Fronts of the building", "Client", "Number", "Date")
+    ]
+    found.drawing.save(tmp_path / "a.dxf")
+    space = ezdxf.readfile(tmp_path / "a.dxf").modelspace()  # type: ignore[attr-defined]
+    assert not space.query("POINT")
+
+
+def test_a_set_in_another_language_has_its_title_block_in_it() -> None:
+    found = PlanesDrawing(elevation=elevation(), unit="mm", number="B-2").run()
+    with language.speaking("tr"):
+        said = texts(found.drawing.with_head({"title": "Client"}).frame, "title")
+    assert {"Proje", "Ölçek", "B-2", "Kaynak"} <= set(said)
+    assert "Client" in said, "what people have called it stays"
+    assert not {"Project", "Scale", "Source"} & set(said)
+
+
+def scaled(metre: float) -> Vector:
+    frame = elevation().frame
+    frame.geometry = frame.geometry.scale(metre, metre, origin=(0, 0))
+    return Vector(frame)
+
+
+def test_the_largest_scale_that_fits_a_sheet_is_taken() -> None:
+    """Labels had 0.2 m: four times as high as a cornice of a metre, and dust on a palace."""
+    for metre, scale, paper in (
+        (0.1, 10, "A4"),
+        (1, 50, "A4"),
+        (1.5, 50, "A3"),
+        (2.5, 50, "A2"),
+        (4, 100, "A2"),
+    ):
+        found = PlanesDrawing(elevation=scaled(metre)).run()
+        assert isinstance(found.plan, Plan)
+        assert (found.plan.scale, found.plan.paper) == (scale, paper)
+        high = found.drawing.frame["text_height"].max()
+        assert high == pytest.approx(0.0025 * scale), "2.5 mm on paper"
+    given = PlanesDrawing(elevation=elevation(), text_height=0.2).run().drawing.frame
+    assert given["text_height"].max() == pytest.approx(0.2)
+
+
+def test_the_drawing_fills_its_sheet_and_keeps_clear_of_the_title_block() -> None:
+    """At 1:100 on A3 it took a third of it."""
+    for metre in np.geomspace(0.3, 8.0, 12):
+        frame = PlanesDrawing(elevation=scaled(float(metre))).run().drawing.frame
+        parts = {
+            name: shapely.box(*frame[frame["layer"].isin(layers)].total_bounds)
+            for name, layers in {
+                "sheet": ["frame"],
+                "block": ["title"],
+                "drawn": ["walls", "dimensions", "numbers"],
+            }.items()
+        }
+        wide, high = np.ptp(np.reshape(parts["drawn"].bounds, (2, 2)), axis=0) / np.ptp(
+            np.reshape(parts["sheet"].bounds, (2, 2)), axis=0
+        )
+        assert max(wide, high) > 0.55, metre
+        assert parts["sheet"].contains(parts["drawn"])
+        assert parts["sheet"].covers(parts["block"])
+        assert not parts["block"].intersects(parts["drawn"])
+        (east, south), (right, low) = (
+            np.array(parts[name].bounds)[[2, 1]] for name in ("sheet", "block")
+        )
+        assert (right, low) == pytest.approx((east, south)), "in the lower right corner"
+
+
+def narrow() -> Vector:
+    """Openings 0.45 m wide, 0.15 m apart, of a wall 10 m long, in two rows."""
+    holes = [
+        shapely.box(x, y, x + 0.45, y + 0.6) for y in (0, 1.2) for x in 0.2 + 0.6 * np.arange(16)
+    ]
+    frame = elevation().frame.iloc[[0, *[1] * len(holes)]].reset_index(drop=True)
+    frame["opening_id"] = range(len(frame))
+    return Vector(frame.set_geometry([shapely.box(0, 0, 10, 6), *holes]))
+
+
+def test_no_text_touches_another_or_a_stroke() -> None:
+    """Those of narrow dimensions ran over their ends, and levels over numbers of openings."""
+    frame = PlanesDrawing(elevation=narrow(), unit="mm").run().drawing.frame
+    shown = frame[frame["text"].notna() & frame["layer"].isin(["dimensions", "levels", "numbers"])]
+    boxes = []
+    for row in shown.itertuples():
+        xy = shapely.get_coordinates(row.geometry)
+        x, y = xy.mean(axis=0)
+        upright = len(xy) == 2 and abs(xy[0, 0] - xy[1, 0]) < 1e-6
+        away = row.shift * row.text_height if len(xy) == 2 else 0.0
+        x, y = (x - away, y) if upright else (x, y + away)
+        box = box_of(row.text, x, y, row.text_height, angle=90.0 if upright else 0.0)
+        boxes.append(box.buffer(-0.15 * row.text_height))
+    tree = shapely.STRtree(boxes)
+    one, other = tree.query(boxes, predicate="intersects")
+    apart = one != other
+    assert not shown["text"].iloc[one[apart]].tolist()
+    lines = shown[shapely.get_dimensions(shown.geometry) == 1]
+    shifts = set(lines["shift"].round(1))
+    assert shifts > {0.8, -1.3}
+    ends = shapely.points(shapely.get_coordinates(lines.geometry)).tolist()
+    strokes = [end.buffer(0.5 * shown["text_height"].max()) for end in ends]
+    assert not len(tree.query(strokes, predicate="intersects")[0])
+
+
+def test_sides_that_were_not_seen_are_broken_lines() -> None:
+    frame = elevation().frame
+    frame["hidden"] = [None, "bottom", "left, top", ""]
+    drawn = PlanesDrawing(elevation=Vector(frame)).run().drawing.frame
+    broken = shapely.union_all(drawn.geometry[drawn["layer"] == "data_edge"])
+    assert broken.equals(shapely.LineString([(4, 1), (4, 2.5), (5.5, 2.5)])), "no foot of a door"
+    whole = shapely.union_all(drawn.geometry[drawn["layer"] == "openings"])
+    assert whole.length == pytest.approx(6.2 + 3.0 + 5.0)
+
+
+def test_a_part_not_seen_that_may_hide_a_door_says_so() -> None:
+    frame = elevation().frame
+    bare = geopandas.GeoDataFrame(
+        {"kind": ["unseen"] * 3, "front_id": [1] * 3, "opening_id": [0] * 3},
+        geometry=[shapely.box(7, 0.1, 8, 5.8), shapely.box(7, 3, 9, 5), shapely.box(9, 0, 9.5, 2)],
+        crs=frame.crs,
+    )
+    both = Vector(geopandas.GeoDataFrame(pd.concat([frame, bare], ignore_index=True)))
+    drawn = PlanesDrawing(elevation=both).run().drawing.frame
+    assert texts(drawn, "unseen") == ["door?"]
+    (place,) = drawn.geometry[drawn["text"] == "door?"]
+    assert bare.geometry[0].contains(place)
+    assert place.y < 2.5, "where doors are"
+
+
+def test_a_sheet_is_printed_to_its_scale(tmp_path: Path) -> None:
+    """A PDF of the size of the paper, in which 10 m at 1:50 are 200 mm."""
+    found = PlanesDrawing(elevation=elevation(), subject="Town hall").run().plan
+    found.save(tmp_path / "a.pdf")
+    box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", (tmp_path / "a.pdf").read_bytes())
+    assert box is not None
+    assert [float(v) / 72 * 25.4 for v in box.groups()] == pytest.approx([297, 210], abs=0.1)
+    (axes,) = found._sheet(()).axes
+    across = np.ptp(axes.get_xlim())
+    assert 297 / across == pytest.approx(1000 / 50)
+    assert {"10.00", "Town hall"} <= {text.get_text() for text in axes.texts}
+    (section,) = found.page_sections("Drawing", "To scale")
+    assert section.title == "Drawing"
+
+
+def test_the_outline_along_what_was_not_seen_is_no_edge_of_the_wall() -> None:
+    frame = elevation().frame.assign(spacing=[0.05, *[np.nan] * 3])
+    bare = geopandas.GeoDataFrame(
+        {"kind": ["unseen"], "front_id": [1], "opening_id": [0]},
+        geometry=[shapely.box(8, 3, 9.95, 6)],
+        crs=frame.crs,
+    )
+    both = Vector(geopandas.GeoDataFrame(pd.concat([frame, bare], ignore_index=True)))
+    drawn = PlanesDrawing(elevation=both).run().drawing.frame
+    along, wall = (
+        shapely.union_all(drawn.geometry[drawn["layer"] == name]) for name in ("data_edge", "walls")
+    )
+    assert along.length == pytest.approx(2.0 + 3.0, abs=0.2)
+    assert along.length + wall.length == pytest.approx(32.0)
+    assert along.bounds == pytest.approx((8, 3, 10, 6), abs=0.1)
 
 
 def uneven() -> Vector:
@@ -74,7 +256,7 @@ def test_the_title_block_says_how_far_apart_the_points_are() -> None:
     layer = Vector(layer.frame.assign(spacing=[0.052, *[np.nan] * 3]), name="elevation")
     for unit, says in (("m", "0.05 m"), ("mm", "52 mm")):
         frame = PlanesDrawing(elevation=layer, unit=unit).run().drawing.frame  # type: ignore[arg-type]
-        assert texts(frame, "title")[-1] == f"Points {says} apart: no edge is surer than that"
+        assert texts(frame, "title")[-1] == f"points {says} apart: no edge is surer than that"
 
 
 def test_what_was_not_seen_is_crossed_out() -> None:
@@ -92,9 +274,10 @@ def test_what_was_not_seen_is_crossed_out() -> None:
     drawn = out.drawing.frame
     lines = drawn.loc[drawn["layer"] == "unseen"].geometry
     assert sorted(lines.length.round(3)) == [2.236, 2.236, 6.0]
-    assert texts(drawn, "numbers") == ["1", "2", "3*", "Front 1"]
-    assert "Crossed out: no point of the wall was seen there" in texts(drawn, "title")
-    assert any(text.startswith("* some sides were not seen") for text in texts(drawn, "title"))
+    assert texts(drawn, "numbers")[:3] == ["1", "2", "3*"]
+    crossed = "no point of the wall was seen there; openings may be hidden"
+    assert crossed in texts(drawn, "title")
+    assert any(text.startswith("some sides were not seen") for text in texts(drawn, "title"))
     assert out.schedule.rows()[-1]["opening_id"] == 3
     assert texts(drawn, "dimensions")[:5] == ["1.00", "1.00", "2.00", "1.50", "4.50"]
 
@@ -172,7 +355,10 @@ def test_a_dxf_has_layers_texts_and_its_unit(tmp_path: Path) -> None:
     layers = {one.dxf.name for one in found.layers}
     assert {"walls", "openings", "dimensions", "numbers", "title"} <= layers
     sizes = {round(text.dxf.height) for text in found.modelspace().query("TEXT")}
-    assert sizes == {120, 200}
+    assert sizes == {90, 125}
+    dimensions = list(found.modelspace().query("DIMENSION"))
+    assert [round(one.get_measurement()) for one in dimensions][:2] == [1000, 1000]
+    assert {one.dxf.layer for one in dimensions} == {"dimensions"}
     assert not found.audit().errors
 
 

@@ -18,7 +18,7 @@ from pyproj import CRS
 from algorithms.planes._fronts import outside
 from algorithms.planes._gaps import _squares
 from algorithms.planes._openings import EITHER, Opening, kind_of
-from algorithms.planes._relief import _held, _Plane, _size, _walls, around
+from algorithms.planes._relief import _held, _holes, _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings
@@ -240,6 +240,16 @@ def test_parts_without_points_of_the_wall_are_unseen(caplog: pytest.LogCaptureFi
     assert "the elevation has these parts as unseen" in caplog.text
 
 
+def test_parts_not_seen_that_may_hide_a_door_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """A door behind a lorry was drawn as not seen among other such parts, and nobody looked."""
+    found(front())
+    assert "as large as a door" not in caplog.text, "the shadow is high above the foot"
+    away = front().xyz - FAR
+    hidden = (np.abs(away[:, 0] - 8.5) < 0.7) & (away[:, 2] < 2.2) & (away[:, 2] > 0.05)
+    found(front().select(~hidden))
+    assert "as large as a door and as low: 1, from 7.5 m on from its left end" in caplog.text
+
+
 def test_walls_that_scatter_are_told(caplog: pytest.LogCaptureFixture) -> None:
     quiet = front()
     found(quiet)
@@ -249,7 +259,7 @@ def test_walls_that_scatter_are_told(caplog: pytest.LogCaptureFixture) -> None:
     columns = {name: quiet[name] for name in ("plane_id", "kind")}
     found(PointCloud(xyz, columns, crs=UTM))
     assert "front 1 scatter about its wall: only what stands back by 0.09 m" in caplog.text
-    assert "not by min_recess, 0.02 m" in caplog.text
+    assert "not by min_recess of planes.openings, 0.02 m" in caplog.text
 
 
 def test_points_too_far_apart_for_openings_are_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -313,6 +323,67 @@ def test_a_recess_of_another_brightness_or_not_flat_is_an_opening(
     shade: float, rough: float
 ) -> None:
     assert found(recesses(shade, rough)).count == 2
+
+
+@pytest.mark.parametrize("shade", [2500, 3300])
+def test_what_may_be_a_niche_of_another_paint_is_half_as_certain(
+    caplog: pytest.LogCaptureFixture, shade: float
+) -> None:
+    certainty = found(recesses(shade)).openings.frame.certainty
+    assert certainty[1] == pytest.approx(certainty[0] / 2, abs=0.05)
+    assert "openings of front 1 that may be blind niches: 1;" in caplog.text
+
+
+def hole(reveal: float) -> PointCloud:
+    """A wall with a hole in which nothing is seen, and a side of it 12 cm deep."""
+    rng = np.random.default_rng(6)
+    wall = flat((0, 0, 10, 4), 1500, 0, rng)
+    inside = (wall[:, [0, 2]] > (4.0, 1.0)) & (wall[:, [0, 2]] < (5.0, 2.4))
+    side = (rng.random((3, 300)) * [[0.06], [0.12], [1.4]]).T
+    side += (4.0, 0.0, 1.0)
+    street = np.column_stack([*(rng.random((2, 20_000)) * [[10], [-8]]), np.zeros(20_000)])
+    xyz = np.vstack([wall[~inside.all(axis=1)], side[: round(300 * reveal)], street])
+    ids = np.zeros(len(xyz), np.int32)
+    ids[: len(wall) - inside.all(axis=1).sum()] = 1
+    return PointCloud(xyz + FAR, {"plane_id": ids}, crs=UTM)
+
+
+def test_a_hole_with_a_reveal_is_an_opening_by_its_outline() -> None:
+    frame = found(hole(1.0)).openings.frame
+    assert frame.found_by.tolist() == ["recess, outline"]
+    assert frame.width[0] == pytest.approx(1.0, abs=0.06)  # where the reveal begins, it is wall
+    assert frame.certainty[0] == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_hole_without_a_reveal_may_be_cut_out_and_is_no_opening() -> None:
+    assert found(hole(0.0)).count == 0
+
+
+def test_a_window_of_which_one_half_is_hidden_by_its_side_is_whole() -> None:
+    """As a scanner beside the front sees it; a board above it that was cut out is not of it."""
+    rng = np.random.default_rng(8)
+    for top, height in ((2.4, 1.4), (3.2, 1.4)):
+        wall = flat((0, 0, 10, 4), 1500, 0, rng)
+        inside = (wall[:, [0, 2]] > (4.0, 1.0)) & (wall[:, [0, 2]] < (5.0, top))
+        pane = flat((4.0 if top > 2.4 else 4.6, 1.0, 5.0, 2.4), 800, 0.12, rng)
+        street = np.column_stack([*(rng.random((2, 20_000)) * [[10], [-8]]), np.zeros(20_000)])
+        xyz = np.vstack([wall[~inside.all(axis=1)], pane, street])
+        ids = np.zeros(len(xyz), np.int32)
+        ids[: len(wall) - inside.all(axis=1).sum()] = 1
+        frame = found(PointCloud(xyz + FAR, {"plane_id": ids}, crs=UTM)).openings.frame
+        assert frame.width.tolist() == pytest.approx([1.0], abs=0.03)
+        assert frame.height.tolist() == pytest.approx([height], abs=0.1)
+
+
+def test_doors_in_one_depth_have_no_holes_and_panels_around_windows_have() -> None:
+    held = np.zeros((20, 60), bool)
+    held[:, :10] = held[:, 50:] = True
+    assert _holes(held) == 0
+    held[8:10, 4] = False  # a pane sends few points back
+    assert _holes(held) == 0
+    held[:] = True
+    held[5:15, 20:30] = False
+    assert _holes(held) == pytest.approx(100 / 1200)
 
 
 def test_arches_joined_at_their_foot_are_found_one_by_one() -> None:
@@ -564,7 +635,17 @@ def test_panels_with_as_many_points_as_their_frames_are_wall(
 ) -> None:
     assert found(curtain_wall(0.9)).count == 0
     assert "curtain wall: plane" not in caplog.text
-    assert "dropped, where most gaps are: " in caplog.text
+    assert "no openings, as its wall has no gaps; of a curtain wall" in caplog.text
+
+
+def test_a_wall_without_gaps_is_told_to_be_one(caplog: pytest.LogCaptureFixture) -> None:
+    """Its gaps were said to be "none", and to lie in a layer."""
+    x, z = (grid.ravel() for grid in np.meshgrid(np.arange(0, 8, 0.1), np.arange(0, 5, 0.1)))
+    cloud = PointCloud(
+        np.column_stack([x, 0 * x, z]), {"plane_id": np.ones(len(x), np.int32)}, crs=LOCAL
+    )
+    assert found(cloud).count == 0
+    assert "the front of plane 1 has no openings, as its wall has no gaps" in caplog.text
 
 
 def test_balconies_before_gaps_do_not_turn_a_front() -> None:

@@ -48,3 +48,16 @@ def test_empty_cells_take_the_nearest_within_reach() -> None:
     ]
     assert shares[0] == pytest.approx(1 / 9, abs=0.02)
     assert shares[1] > 0.95
+
+
+def test_points_without_brightness_show_what_stands_out(caplog: pytest.LogCaptureFixture) -> None:
+    u, v = (a.ravel() for a in np.meshgrid(np.arange(0.05, 10, 0.1), np.arange(0.05, 6, 0.1)))
+    cornice = v > 5
+    y = 4_400_000 - np.where(cornice, 0.3, 0.0) + 0.002 * np.sin(7 * u)
+    points = PointCloud(np.column_stack([500_000 + u, y, 100 + v]), crs=UTM)
+    found = PlanesOrthophoto(points=points, elevation=elevation(), cell=0.1).run()
+    band = found.image.band()
+    assert band[:9].min() > band[11:].max()
+    assert band[11:].min() >= 1
+    assert found.image.descriptions == ("relief",)
+    assert "neither colours nor intensity" in caplog.text

@@ -18,6 +18,7 @@ BUILDINGS = {
     "confidence": Column("Confidence", "%", 0, 100.0),
     "squared": Column("Right angles"),
     "sections": Column("Parts of the roof, between steps"),
+    "cut": Column("Cut by the edge of the data"),
 }
 TREES = {
     "id": Column("Tree"),
@@ -26,4 +27,5 @@ TREES = {
     "crown_area": Column("Area of the crown", "unit²", 1),
     "crown_diameter": Column("Diameter of the crown", "unit", 1),
     "points": Column("Points"),
+    "cut": Column("Cut by the edge of the data"),
 }

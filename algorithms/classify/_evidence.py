@@ -61,6 +61,7 @@ class PointFeatures:
     ground_classes : classes that are ground; None to look for ground
     by_noise : whether `flat` is the least, and more where the points on the ground scatter more;
         not if no pulse has several returns, since crowns are told by planes alone then
+    given_scatter : the scatter about planes, see :attr:`scatter`; None to look for planes
     """
 
     cloud: PointCloud
@@ -70,6 +71,7 @@ class PointFeatures:
     flat: float = FLAT
     ground_classes: tuple[int, ...] | None = None
     by_noise: bool = False
+    given_scatter: Floats | None = None
 
     def feature(self, name: str) -> Floats:
         """One feature of all points, array of shape (n,): one of MADE, or an attribute."""
@@ -143,12 +145,17 @@ class PointFeatures:
             names=("eigenvalue3", "neighbours", "nx", "ny", "nz"),
             ctx=self.ctx.part(0.4, 0.8),
         )
-        count = found["neighbours"].astype(np.float64)
-        # Three points always lie on a plane, so as many less are left to tell how far off it is.
-        freedom = np.where(count < ENOUGH, np.nan, count - 3)
-        off_plane = np.sqrt(found["eigenvalue3"] * count / freedom) / self.cloud.metre
+        off_plane = scatter_of(found["eigenvalue3"], found["neighbours"]) / self.cloud.metre
         normals = np.column_stack([found["nx"], found["ny"], found["nz"]])
         return _frozen(off_plane[place]), _frozen(normals[place])
+
+    @functools.cached_property
+    def scatter(self) -> Floats:
+        """Metres by which points scatter about the plane around each point, shape (n,)."""
+        if self.given_scatter is None:
+            return self.planes[0]
+        self._warn_of_few(np.isnan(self.given_scatter))
+        return self.given_scatter
 
     @property
     def follows_noise(self) -> bool:
@@ -160,7 +167,7 @@ class PointFeatures:
         """Metres from a plane up to which points around each point lie on it, shape (n,)."""
         if not self.follows_noise:
             return np.broadcast_to(np.float64(self.flat), len(self.xyz))
-        scatter, ground, metre = self.planes[0], self.terrain[0], self.cloud.metre
+        scatter, ground, metre = self.scatter, self.terrain[0], self.cloud.metre
         found = _flatness.by_noise(self.xyz[:, :2], scatter, ground, self.flat, metre)
         largest = found.max(initial=self.flat)
         if largest > NOISY * self.flat:
@@ -192,7 +199,7 @@ class PointFeatures:
         """
         if self.follows_noise:
             return
-        scatter = self.planes[0][self.terrain[0]]
+        scatter = self.scatter[self.terrain[0]]
         scatter = scatter[np.isfinite(scatter)]
         if not len(scatter) or np.mean(scatter <= self.flat) >= ON_PLANES:
             return
@@ -224,12 +231,13 @@ class PointFeatures:
         """
         self._warn_of_noise()
         how = self.radius, self.context, self.flat, self.by_noise, self.cloud.metre
-        inputs = self._places, self.terrain[0], self.let_through, *how
+        given = b"" if self.given_scatter is None else self.given_scatter
+        inputs = self._places, self.terrain[0], self.let_through, given, *how
         return self.ctx.once("around", inputs, self._around)
 
     def _around(self) -> Mapping[str, Floats]:
         """Means over the points around, see `around`."""
-        ground, metre, off_plane = self.terrain[0], self.cloud.metre, self.planes[0]
+        ground, metre, off_plane = self.terrain[0], self.cloud.metre, self.scatter
         values = {
             "planarity": np.where(off_plane <= self.flatness, 1.0, 0.0),
             "roughness": np.where(np.isnan(off_plane), self.radius / metre, off_plane),
@@ -256,6 +264,20 @@ MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {
     "returns": lambda features: features.around["returns"],
 }
 """Features that are not attributes of the points."""
+
+
+def scatter_of(variance: NDArray[np.float32], count: NDArray[np.float32]) -> Floats:
+    """Standard deviation of points about the plane through them; NaN of fewer than ENOUGH.
+
+    Three points always lie on a plane, so as many less are left to tell how far off it is.
+
+    Parameters
+    ----------
+    variance : across the plane, of `count` points, arrays of shape (n,)
+    """
+    known = count.astype(np.float64)
+    freedom = np.where(known < ENOUGH, np.nan, known - 3)
+    return np.asarray(np.sqrt(variance * known / freedom))
 
 
 def evidence(features: PointFeatures) -> NDArray[np.uint8]:

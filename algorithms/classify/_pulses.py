@@ -58,7 +58,7 @@ def pulses(cloud: PointCloud, how: How) -> Pulses:
     returns = ReturnNumbers.of(cloud)
     warn_of_impossible(returns, "they belong to no pulse")
     some = np.flatnonzero(returns.known & (returns.count >= 2))
-    number, count = returns.number[some], returns.count[some]
+    number, count = (kind[some].astype(np.int64) for kind in (returns.number, returns.count))
     pulse = _by_time(cloud, some) if how == "gps_time" else _by_order(number, count)
     found = _whole(some, number, count, pulse)
     if how == "order" and len(some):

@@ -82,6 +82,14 @@ class ClassifyApply:
         )
         unknown: int = sink("Points that are not probable enough, now of class 1", unit="1")
 
+        def not_looked_at(self) -> Iterator[str]:
+            """What neither the drift nor the probabilities tell."""
+            yield (
+                "How many classes are wrong: on tiles of other places than the training, what was "
+                "expected was up to 23 % too high, and no figure of the drift said by how much. "
+                "Compare a part whose classes are known."
+            )
+
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The table is a model, and the points have its features."""
         yield from problems(self.model, self.points)

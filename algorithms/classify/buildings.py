@@ -39,6 +39,7 @@ from algorithms.classify._squared import squared
 from algorithms.classify._vehicles import SEEN, ground_seen, large_vehicles
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.data_edge import cut
 from algorithms.shared.ground import among, taking_part
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
@@ -47,7 +48,7 @@ from algorithms.shared.parameters import STRUCTURES
 from algorithms.shared.polygons import Polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
-from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, Share, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 BUILDING, OTHER = np.uint8(_evidence.BUILDING), np.uint8(1)
@@ -62,7 +63,7 @@ CLOSED = LET_THROUGH / 2  # share of pulses that go through edges on a roof; mor
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 COLUMNS = (
     *("id", "area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "form"),
-    *("confidence", "squared", "sections"),
+    *("confidence", "squared", "sections", "cut"),
 )
 
 Floats = NDArray[np.float64]
@@ -75,6 +76,7 @@ Shapes = NDArray[Any]
     title="Classify buildings",
     tags=(
         "building",
+        "house",
         "roof",
         "footprint",
         "outline",
@@ -109,7 +111,8 @@ class ClassifyBuildings:
     share of its points that lie on planes, less where ground is seen within; whether the walls
     were squared; and sections, the parts of 10 m² or more into which steps of its surface divide
     the roof. Houses that touch are one building, since points from above do not show the walls
-    between them: sections hint at it where their roofs differ in height.
+    between them: sections hint at it where their roofs differ in height. What the edge of the data
+    cuts has the attribute cut: all of its figures are those of the part that was seen.
 
     `radius`, `context` and `alpha` follow the density of the points unless they are given, and
     `flat` the noise of points on the ground where pulses have several returns; much noise is told.
@@ -163,7 +166,10 @@ class ClassifyBuildings:
             "The same points with buildings as class 6", label="Classified points"
         )
         outlines: Vector = sink(
-            "Outlines of roofs with heights", columns=columns.BUILDINGS, also=(".city.json",)
+            "Outlines of roofs with heights",
+            show=show.OfClass(6),
+            columns=columns.BUILDINGS,
+            also=(".city.json",),
         )
         building_share: float = sink("Share of points that became building", unit="1")
 
@@ -181,14 +187,20 @@ class ClassifyBuildings:
             )
 
         def not_looked_at(self) -> Iterator[str]:
-            """What looks like a roof and is none, and roofs that do not look like one."""
+            """What was cut, what looks like a roof and is none, and roofs that do not look so."""
+            if parts := int(self.outlines.frame["cut"].astype(bool).sum()):
+                yield (
+                    f"Buildings that the edge of the data cuts: {parts} of "
+                    f"{len(self.outlines)}; their area, height and form are of the part that was "
+                    "seen (column cut)."
+                )
             yield (
                 "Containers side by side or in stacks look like flat roofs, and may be among the "
                 "buildings; glass lets pulses through, and greenhouses may be missing."
             )
             yield (
-                "Where points are 1 m apart or more, gaps between vehicles are not seen: up to a "
-                "twentieth of the points of buildings may be theirs."
+                "Where points are 1 m apart or more, gaps between vehicles are not seen: buses or "
+                "lorries side by side look like flat roofs, and may be among the buildings."
             )
 
     def check(self) -> Iterator[tuple[str, str]]:
@@ -312,6 +324,9 @@ class ClassifyBuildings:
                 | {"confidence": sure[done], "squared": straight, "geometry": drawn}
                 for drawn in shapely.get_parts(roof if walls.is_empty else walls)
             ]
+        xy = self.points.xyz[:, :2]
+        at_edge = cut([row["geometry"] for row in rows], xy, lengths.spacing, self.points.metre)
+        rows = [row | {"cut": bool(there)} for row, there in zip(rows, at_edge, strict=True)]
         if narrow:
             log.warning("roofs narrower than twice the overhang, drawn as they are: %d", narrow)
         return rows

@@ -67,7 +67,9 @@ class ClassifySuggest:
     model: Table | None = source(
         "Model of the labels so far, as classify.train gives it; none at first", default=None
     )
-    labelled: Vector | None = source("Polygons that are labelled already", default=None)
+    labelled: Vector | None = source(
+        "Polygons that are labelled already", default=None, shapes="polygon"
+    )
     wanted: int = param("Patches to suggest", default=20, unit="1", ge=1, le=10_000)
     patch: float = param("Side of a patch", default=5.0, unit="m", gt=0, le=1000)
     seed: int = parameters.seed()
@@ -76,7 +78,7 @@ class ClassifySuggest:
     @outputs
     class Outputs:
         patches: Vector = sink("Squares to label, the most uncertain first", columns=COLUMNS)
-        uncertainty: float = sink(
+        uncertainty: float | None = sink(
             "Mean over all points of how far the most probable class is from certain", unit="%"
         )
 
@@ -102,7 +104,7 @@ class ClassifySuggest:
         chosen = self.points if part.all() else self.points.select(part)
         made = None if self.model is None else Trained.of(self.model)
         if not len(chosen):
-            raise NothingToDo("points: there are none to label", instead=self._outputs([], 0.0))
+            raise NothingToDo("points: there are none to label", instead=self._outputs([], None))
         names = made.features if made else names_of.usual(chosen, names_of.RADII)
         data = names_of.described(chosen, names, ctx=ctx.part(0.0, 0.8))
         chance = np.ones((len(data), 1)) if made is None else made.probabilities(data)
@@ -112,9 +114,8 @@ class ClassifySuggest:
         free = (squares.count >= FEWEST) & ~self._taken(squares)
         order = suggested(found, squares.mean(doubt[:, None])[:, 0], free, self.wanted, self.seed)
         ctx.progress(1.0)
-        return self._outputs(
-            list(self._rows(squares, order, doubt, chance, made)), 100 * float(doubt.mean())
-        )
+        rows = list(self._rows(squares, order, doubt, chance, made))
+        return self._outputs(rows, 100 * float(doubt.mean()) if made else None)
 
     def _taken(self, squares: Squares) -> NDArray[np.bool_]:
         """Squares that are labelled already, by their middles."""
@@ -141,7 +142,7 @@ class ClassifySuggest:
                 "geometry": shapely.box(west, south, west + squares.side, south + squares.side),
             }
 
-    def _outputs(self, rows: list[dict[str, Any]], doubt: float) -> ClassifySuggest.Outputs:
+    def _outputs(self, rows: list[dict[str, Any]], doubt: float | None) -> ClassifySuggest.Outputs:
         import geopandas
 
         frame = geopandas.GeoDataFrame(

@@ -33,7 +33,8 @@ from algorithms.classify._learning.training import (
     trained,
 )
 from algorithms.shared import parameters
-from algorithms.shared.accuracy.blocks import blocks
+from algorithms.shared.accuracy.blocks import Clumping, blocks
+from algorithms.shared.accuracy.certainty import warn_blocks, warn_clumps
 from algorithms.shared.chance import random_keys
 from algorithms.shared.ground import taking_part
 from algorithms.shared.polygons import Polygons, polygons
@@ -58,11 +59,13 @@ Ints = NDArray[np.int64]
 class ClassifyTrain:
     """Learn classes from points that have them, or that lie in polygons with classes.
 
-    The classes are those of `labels`, or with `areas` those of the polygons in which points lie,
-    with the class in `class_attribute`; other points teach nothing. `leave_out` names labels that
-    are none, as 0 and 1. Features are named: an attribute; a feature of classify.som, as
-    height_above_ground; or a feature of features.local within a radius in metres, as planarity@2.
-    Without names there are all that suit, in the `radii`.
+    The classes are those of `labels`; with `areas` only points in these polygons teach, such as
+    the patches of classify.suggest, and with `class_attribute` their class is that of the
+    polygon. The features of a point see all others, labelled or not: do not cut the patches out
+    of the cloud. `leave_out` names labels that are none, as 0 and 1. Features are named: an
+    attribute; a feature of classify.som, as height_above_ground; or a feature of features.local
+    within a radius in metres, as planarity@2. Without names there are all that suit, in the
+    `radii`.
 
     Accuracies are those at blocks of ground that a model has seen nothing of: the area is cut into
     squares (`block`), these into `folds`, and each fold is classified by a model of all others.
@@ -77,7 +80,9 @@ class ClassifyTrain:
     """
 
     points: PointCloud = source("Points with classes to learn from")
-    areas: Vector | None = source("Polygons with the classes of the points in them", default=None)
+    areas: Vector | None = source(
+        "Polygons whose points teach, all of them by default", default=None, shapes="polygon"
+    )
     labels: Attribute = param(
         "Attribute that holds the class to learn", default=Attribute("classification")
     )
@@ -144,14 +149,14 @@ class ClassifyTrain:
             yield "features", "a name is given twice"
         if not self.radii:
             yield "radii", "give at least one"
-        if (self.areas is None) != (self.class_attribute is None):
-            yield "class_attribute", "is for areas; give both or none"
+        if self.areas is None and self.class_attribute is not None:
+            yield "class_attribute", "is an attribute of areas; give them, too"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points have the features and labels."""
         if text := names_of.problem(self.features or (), self.points):
             yield "features", text
-        if self.areas is None and self.labels not in self.points:
+        if self.class_attribute is None and self.labels not in self.points:
             known = ", ".join(self.points.names) or "none"
             yield "labels", f"no attribute {self.labels!r}; there are {known}"
         if self.areas is not None:
@@ -160,7 +165,7 @@ class ClassifyTrain:
                     "areas",
                     f"{self.areas.name or 'the layer'} {text}, which is that of the points",
                 )
-            if self.class_attribute not in self.areas.names:
+            if self.class_attribute not in (None, *self.areas.names):
                 known = ", ".join(self.areas.names) or "none"
                 yield "class_attribute", f"no attribute {self.class_attribute!r}; there are {known}"
 
@@ -181,6 +186,7 @@ class ClassifyTrain:
         made = trained(points, how)
         ctx.progress(0.85)
         by_block = reports.matrices(points, scores.argmax(axis=1), len(codes))
+        warn_clumps(Clumping.of(by_block))
         by_class = list(reports.class_rows(by_block, codes, self.seed))
         own, kept = (points.some(which) for which in folds[0])
         learning = list(reports.learning_rows(own, kept, models[0], how, ctx.part(0.85, 0.95)))
@@ -234,6 +240,7 @@ class ClassifyTrain:
                 f"block: {len(ground)} blocks hold labels, {2 * self.folds} are needed for "
                 f"{self.folds} folds; lower block or folds"
             )
+        warn_blocks(ground, "points")
         data = names_of.described(cloud, names, ctx=ctx)[chosen]
         for name, column in zip(names, data.T, strict=True):
             if not np.isfinite(column).any():
@@ -244,7 +251,7 @@ class ClassifyTrain:
 
     def _labels(self, cloud: PointCloud) -> Ints:
         """Class of each point, NO_LABEL where it has none."""
-        if self.areas is not None:
+        if self.areas is not None and self.class_attribute is not None:
             label = self._of_areas(cloud, self.areas)
         else:
             given = cloud[self.labels]
@@ -255,12 +262,26 @@ class ClassifyTrain:
             ):
                 raise DataError(f"labels: {self.labels} must hold classes from 0 to 255")
             label = given.astype(np.int64)
+            if self.areas is not None:
+                label[~self._inside(cloud, self.areas)] = NO_LABEL
         label[np.isin(label, self.leave_out or ())] = NO_LABEL
         return label
 
+    @staticmethod
+    def _inside(cloud: PointCloud, areas: Vector) -> NDArray[np.bool_]:
+        """True for points in any of the polygons."""
+        inside = Polygons.of(polygons(areas, "areas")).hold(cloud.xyz[:, :2])
+        if not inside.any():
+            raise DataError("areas: no point lies in the polygons")
+        return inside
+
     def _of_areas(self, cloud: PointCloud, areas: Vector) -> Ints:
         """Class of the polygons in which points lie; none where polygons of two classes overlap."""
-        shapes, column = areas.frame.geometry, areas.frame[self.class_attribute]
+        filled = areas.frame[areas.frame[self.class_attribute].notna()]
+        if empty := len(areas.frame) - len(filled):
+            text = "%d polygons have no %s, and teach nothing"
+            log.warning(text, empty, self.class_attribute)
+        shapes, column = filled.geometry, filled[self.class_attribute]
         try:
             codes = column.to_numpy(float)
             if not ((codes % 1 == 0) & (codes >= 0) & (codes <= 255)).all():

@@ -31,17 +31,18 @@ from algorithms.classify._density import Lengths
 from algorithms.classify._outlines import margin, name_of
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.data_edge import cut
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
-from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 CELL, BY_SPACING = 0.5, np.sqrt(2.0)  # metres, and times the spacing where points are sparse:
 # two points in a cell, so that hardly any is empty
 SMOOTH = 0.5  # metres, standard deviation of the Gaussian: branches are not looked at
-COLUMNS = ("id", "height", "elevation", "crown_area", "crown_diameter", "points")
+COLUMNS = ("id", "height", "elevation", "crown_area", "crown_diameter", "points", "cut")
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -74,7 +75,8 @@ class ClassifyTrees:
 
     Attributes of both layers: id, made of the whole easting and northing of a place within the
     crown; height of the highest point above the ground and its elevation, area of the crown,
-    diameter of a circle of that area, in the unit of the data; and the number of points.
+    diameter of a circle of that area, in the unit of the data; the number of points; and whether
+    the edge of the data cuts the crown.
 
     Crowns that grow into one another without a dip are one tree. Trees below others are not seen.
     Heights are HeightAboveGround if points have it.
@@ -103,10 +105,14 @@ class ClassifyTrees:
     @outputs
     class Outputs:
         tops: Vector = sink(
-            "Highest point of each tree, with heights", label="Tree tops", columns=columns.TREES
+            "Highest point of each tree, with heights",
+            show=show.OfClass(5),
+            label="Tree tops",
+            columns=columns.TREES,
         )
         crowns: Vector = sink(
             "Outline of each crown, with the same attributes",
+            show=show.OfClass(5),
             label="Tree crowns",
             columns=columns.TREES,
             listed=False,
@@ -115,11 +121,26 @@ class ClassifyTrees:
 
         def in_words(self) -> str:
             """How many trees, and how high."""
-            if not self.count:
+            if not len(self.tops):
                 return "No single trees were found."
             heights = self.tops.frame["height"] / self.tops.metre
             span = f"{heights.min():.1f} to {heights.max():.1f} m"
-            return f"Single trees: {self.count}, {span} high."
+            return f"Single trees: {len(self.tops)}, {span} high."
+
+        def not_looked_at(self) -> Iterator[str]:
+            """Crowns that were cut, and trees that are not seen or are none."""
+            if not len(self.crowns):
+                return
+            whole = len(self.crowns)
+            if parts := int(self.crowns.frame["cut"].astype(bool).sum()):
+                yield (
+                    f"Crowns that the edge of the data cuts: {parts} of {whole}; their area and "
+                    "height are of the part that was seen (column cut)."
+                )
+            yield (
+                "Trees below others and species were not looked at; crowns of a few square metres "
+                "may be hedges, posts or parts of other crowns."
+            )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points have a classification."""
@@ -151,7 +172,12 @@ class ClassifyTrees:
         )
         some = without_withheld(cloud, some, ctx)
         if not some.any():
-            log.warning("no point of class %s is %g m high", self.classes, self.min_height)
+            log.warning(
+                "no point of class %s is %g m high; classify vegetation first, as "
+                "models.urban_classes does, which finds trees, too",
+                self.classes,
+                self.min_height,
+            )
             return self._packed([])
         tree = trees(
             cloud.xyz[some],
@@ -162,6 +188,9 @@ class ClassifyTrees:
         )
         ctx.progress(0.8)
         rows = list(self._rows(np.flatnonzero(some), tree, height, lengths, ctx.part(0.8, 1.0)))
+        crowns = [row["crown"] for row in rows]
+        at_edge = cut(crowns, cloud.xyz[:, :2], lengths.spacing, cloud.metre)
+        rows = [row | {"cut": bool(there)} for row, there in zip(rows, at_edge, strict=True)]
         ctx.progress(1.0)
         return self._packed(rows)
 
@@ -187,6 +216,7 @@ class ClassifyTrees:
                 "points": len(own),
                 "top": shapely.Point(x, y),
                 "crown": crown,
+                "core": bool(cloud.core[own[0]]),
             }
 
     def _packed(self, rows: list[dict[str, Any]]) -> ClassifyTrees.Outputs:
@@ -200,7 +230,9 @@ class ClassifyTrees:
             return Vector(frame, geometry_type=kind)
 
         return self.Outputs(
-            tops=layer("top", "Point"), crowns=layer("crown", "Polygon"), count=len(rows)
+            tops=layer("top", "Point"),
+            crowns=layer("crown", "Polygon"),
+            count=sum(row["core"] for row in rows),  # each once, also where tiles overlap
         )
 
 

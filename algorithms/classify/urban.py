@@ -67,7 +67,9 @@ class ClassifyUrban:
     """
 
     points: PointCloud = source("Points with classified ground and buildings")
-    water: Vector | None = source("Polygons of water, as of shoreline.extract", default=None)
+    water: Vector | None = source(
+        "Polygons of water, as of shoreline.extract", default=None, shapes="polygon"
+    )
     low: float = parameters.low_ends()
     high: float = parameters.high_begins()
     planarity: float = parameters.planarity()
@@ -90,6 +92,7 @@ class ClassifyUrban:
         classified: PointCloud = sink(
             "The same points with classes 1 to 6 and 9, and confidence", label="Classified points"
         )
+        ground_share: float = parameters.ground_share()
         vegetation_share: float = sink("Share of points that are vegetation", unit="1")
         building_share: float = sink("Share of points that are building", unit="1")
         water_share: float = sink("Share of points that are water", unit="1")
@@ -98,9 +101,11 @@ class ClassifyUrban:
         def in_words(self) -> str:
             """Shares of what there is."""
             return (
-                f"Of the points, {100 * self.vegetation_share:.1f} % are vegetation, "
+                f"Of the points, in the end, {100 * self.ground_share:.1f} % are ground, "
+                f"{100 * self.vegetation_share:.1f} % vegetation, "
                 f"{100 * self.building_share:.1f} % buildings, {100 * self.water_share:.1f} % "
-                f"water and {100 * self.rest_share:.1f} % none of the known classes."
+                f"water and {100 * self.rest_share:.1f} % none of the known classes; what lies in "
+                "water and was taken for ground at first is water."
             )
 
     def check(self) -> Iterator[tuple[str, str]]:
@@ -159,7 +164,7 @@ class ClassifyUrban:
     @property
     def _without_returns(self) -> str:
         if self.penetration > 0:
-            return "vegetation cannot be told, and stays class 1"
+            return "vegetation that the file does not name cannot be told, and stays class 1"
         return "dense crowns may be taken for objects"
 
     def _judged(
@@ -196,6 +201,7 @@ class ClassifyUrban:
                 {"classification": classes, "confidence": confidence},
                 descriptions={"confidence": "0 doubtful to 1 clear"},
             ),
+            ground_share=share(int(GROUND)),
             vegetation_share=share(3, 4, 5),
             building_share=share(int(BUILDING)),
             water_share=share(int(WATER)),

@@ -3,7 +3,7 @@
 Beside those of :mod:`algorithms.classify._evidence` and any attribute of the points there are, as
 ``name@radius`` with a radius in metres, the features of :mod:`algorithms.shared.covariance`, which
 features.local gives, and those of :mod:`algorithms.classify._learning.columns`. Larger radii take
-coarser points, one for each voxel of a quarter of the radius: so that each costs about the same.
+coarser points, one for each voxel of a third of the radius: so that each costs about the same.
 
 References
 ----------
@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.classify._evidence import MADE, PointFeatures
+from algorithms.classify._evidence import MADE, PointFeatures, scatter_of
 from algorithms.classify._learning import columns, kernels
 from algorithms.classify._learning.columns import BORDER, Measured
 from algorithms.classify._learning.columns import NAMES as COLUMN
@@ -35,7 +35,7 @@ from toolbox.errors import DataError, nearest
 
 RADII = (1.0, 2.0, 4.0)  # metres, of features of which none are named
 OFFERED = (*MADE, *(f"{name}@2" for name in (*FEATURES, *COLUMN)))  # in dialogs
-PER_RADIUS = 4  # voxels along a radius
+PER_RADIUS = 3  # voxels along a radius
 FINE = float(1 << 20)  # steps of a voxel in which positions are summed up, so that sums are exact
 MOST = 1 << 20  # voxels, and cells, along an axis
 LIGHT = ("mean_intensity", "intensity_spread")
@@ -49,7 +49,8 @@ LOCAL = (  # others of FEATURES say nearly the same as these
     *("linearity", "planarity", "surface_variation", "verticality", "height_deviation"),
     *("roughness", "surface_density"),
 )
-SINGLE = ("height_above_ground", "ground", "planarity", "roughness", "returns")
+AROUND = ("planarity", "roughness", "returns")  # need the scatter about planes
+SINGLE = ("height_above_ground", "ground", *AROUND)
 ECHOES = ("returns", "passing_share")
 
 Floats = NDArray[np.float64]
@@ -121,11 +122,6 @@ def described(
         The points extend over too many voxels.
     """
     made = np.empty((len(names), len(cloud)), np.float32)  # each is written in a row
-    metre = cloud.metre
-    single = PointFeatures(cloud, PLANE_RADIUS * metre, CONTEXT * metre, ctx.part(0.0, 0.5))
-    for k, name in enumerate(names):
-        if split(name)[1] is None:
-            made[k] = single.feature(name)
     place: dict[tuple[str, float | None], list[int]] = {}
     for k, name in enumerate(names):
         place.setdefault(split(name), []).append(k)
@@ -133,7 +129,18 @@ def described(
     for base, radius in place:
         if radius is not None:
             asked.setdefault(radius, []).append(base)
-    for base, radius, values in _of_radii(cloud, single, asked, ctx.part(0.5, 1.0)):
+    metre = cloud.metre
+    shapes = _shapes(cloud.xyz / metre, names, asked, ctx.part(0.0, 0.2))
+    scatter = None
+    if "neighbours" in shapes:
+        scatter = scatter_of(shapes["eigenvalue3"], shapes["neighbours"])
+    single = PointFeatures(
+        cloud, PLANE_RADIUS * metre, CONTEXT * metre, ctx.part(0.2, 0.5), given_scatter=scatter
+    )
+    for k, name in enumerate(names):
+        if split(name)[1] is None:
+            made[k] = single.feature(name)
+    for base, radius, values in _of_radii(cloud, single, asked, shapes, ctx.part(0.5, 1.0)):
         made[place[base, radius]] = values
     found = np.empty((len(cloud), len(names)), np.float32)
 
@@ -146,30 +153,41 @@ def described(
     return found
 
 
+def _shapes(
+    xyz: Floats, names: Sequence[str], asked: Mapping[float, Sequence[str]], ctx: Context
+) -> dict[str, NDArray[np.float32]]:
+    """Features of the neighbourhoods of PLANE_RADIUS, which others are made of as well."""
+    wanted = {name for name in asked.get(PLANE_RADIUS, ()) if name in FEATURES}
+    if set(AROUND) & set(names):
+        wanted |= {"eigenvalue3", "neighbours"}
+    if any(BENT & set(bases) for bases in asked.values()):
+        wanted.add("surface_variation")
+    return _local(xyz, PLANE_RADIUS, sorted(wanted), ctx) if wanted and len(xyz) else {}
+
+
 def _of_radii(
-    cloud: PointCloud, single: PointFeatures, asked: Mapping[float, Sequence[str]], ctx: Context
+    cloud: PointCloud,
+    single: PointFeatures,
+    asked: Mapping[float, Sequence[str]],
+    shapes: Mapping[str, NDArray[np.float32]],
+    ctx: Context,
 ) -> Iterator[tuple[str, float, NDArray[np.floating]]]:
     """Name, radius and values of each feature that is asked for, by radius."""
     if not len(cloud):
         return
-    xyz, bent = cloud.xyz / cloud.metre, np.full(len(cloud), np.nan, np.float32)
-    local = {r: [name for name in bases if name in FEATURES] for r, bases in asked.items()}
-    columns_of = {r: [name for name in bases if name in COLUMN] for r, bases in asked.items()}
-    of_columns = {name for some in columns_of.values() for name in some}
-    if of_columns & BENT:
-        local.setdefault(PLANE_RADIUS, [])
-    for done, (radius, bases) in enumerate(sorted(local.items())):
-        part = ctx.part(done / len(local), (done + 1) / len(local))
-        flat = radius == PLANE_RADIUS and bool(of_columns & BENT)
-        wanted = sorted({*bases, "surface_variation"}) if flat else bases
-        found = _local(xyz, radius, wanted, part) if wanted else {}
-        if flat:
-            bent = found["surface_variation"]
-        yield from ((name, radius, found[name]) for name in bases)
-    if not of_columns:
+    xyz = cloud.xyz / cloud.metre
+    for done, (radius, bases) in enumerate(sorted(asked.items())):
+        part = ctx.part(done / len(asked), (done + 1) / len(asked))
+        local = [name for name in bases if name in FEATURES]
+        found = _local(xyz, radius, local, part) if local and radius != PLANE_RADIUS else shapes
+        yield from ((name, radius, found[name]) for name in local)
+    of_columns = {r: [name for name in bases if name in COLUMN] for r, bases in asked.items()}
+    wanted = {name for some in of_columns.values() for name in some}
+    if not wanted:
         return
-    measured = _measured(cloud, xyz, single, of_columns, np.asarray(bent, float))
-    for radius, bases in columns_of.items():
+    bent = shapes.get("surface_variation", np.full(len(cloud), np.nan, np.float32))
+    measured = _measured(cloud, xyz, single, wanted, bent.astype(float))
+    for radius, bases in of_columns.items():
         if bases:
             made = columns.features(measured, radius, bases)
             yield from ((name, radius, values) for name, values in made.items())
@@ -215,24 +233,20 @@ def voxel_means(xyz: Floats, side: float) -> tuple[Floats, NDArray[np.int64]]:
     DataError
         There are more than MOST voxels along an axis.
     """
-    keys = np.zeros(len(xyz), np.int64)
-    lowest, size, inside = np.empty(3), np.empty(3, np.int64), []
-    for axis in range(3):
-        place = (xyz[:, axis] + BORDER) / side
-        index = np.floor(place)
-        inside.append(np.rint((place - index) * FINE))
-        lowest[axis] = index.min()
-        size[axis] = index.max() - lowest[axis] + 1
-        if size[axis] > MOST:
-            raise DataError(f"points: more than {MOST} voxels along an axis: remove stray points")
-        keys = keys * size[axis] + (index - lowest[axis]).astype(np.int64)
-    voxels, number = grouped(keys)
-    count = np.bincount(number, minlength=len(voxels))
+    index, inside = np.empty((3, len(xyz)), np.int64), np.empty((3, len(xyz)), np.int64)
+    kernels.in_voxels(xyz, BORDER, side, FINE, index, inside)
+    lowest = index.min(axis=1)
+    size = index.max(axis=1) - lowest + 1
+    if size.max() > MOST:
+        raise DataError(f"points: more than {MOST} voxels along an axis: remove stray points")
+    keys = ((index[0] - lowest[0]) * size[1] + (index[1] - lowest[1])) * size[2]
+    voxels, number = grouped(keys + (index[2] - lowest[2]))
+    count, sums = np.bincount(number, minlength=len(voxels)), np.zeros((3, len(voxels)), np.int64)
+    kernels.add_up(number, inside, sums)
     means = np.empty((len(voxels), 3))
     for axis in (2, 1, 0):
-        voxels, index = np.divmod(voxels, size[axis])
-        mean = np.bincount(number, inside[axis], minlength=len(count)) / FINE / count
-        means[:, axis] = (index + lowest[axis] + mean) * side - BORDER
+        voxels, own = np.divmod(voxels, size[axis])
+        means[:, axis] = (own + lowest[axis] + sums[axis] / FINE / count) * side - BORDER
     return means, number
 
 

@@ -18,6 +18,7 @@ from algorithms.shared.kernels.compiling import helper
 MOST_LEAVES = 32  # of a tree whose leaves are the bits of a number
 EVERY_LEAF = np.uint32(0xFFFFFFFF)
 AT_ONCE = 4  # branches that are asked before the leaves that remain are written down
+FEW = 16  # points whose features are rounded together
 TOGETHER = 256  # points that take each branch together, so that their features stay at hand
 
 
@@ -157,9 +158,11 @@ def columns(place, cols, rows, z, height, ground, passing, light, bent, high, fl
     for p in range(cols + 1, rows * cols - cols - 1):
         if sums[p, COUNT] > 0:
             _column(p, cols, sums, top, total, around[p])
+    for k in range(len(found)):
+        for i in range(len(place)):
+            found[k, i] = around[place[i], k]
     for i in range(len(place)):
         p = place[i]
-        found[:, i] = around[p]
         found[6, i] = height[i] - around[p, 4]
         found[11, i] = highest[p] - z[i]
 
@@ -199,14 +202,35 @@ def _spread(count, first, second):
 
 
 @njit(cache=True, nogil=True)
+def in_voxels(xyz, border, side, steps, index, inside):
+    """Fill in the voxel of each point along each axis, and how many steps it is inside of it."""
+    for i in range(len(xyz)):
+        for axis in range(3):
+            place = (xyz[i, axis] + border) / side
+            first = math.floor(place)
+            index[axis, i], inside[axis, i] = first, np.rint((place - first) * steps)
+
+
+@njit(cache=True, nogil=True)
+def add_up(number, values, sums):
+    """Add values of points, shape (k, n), to the sums of their groups, shape (k, groups)."""
+    for k in range(len(values)):
+        for i in range(len(number)):
+            sums[k, number[i]] += values[k, i]
+
+
+@njit(cache=True, nogil=True)
 def rounded_rows(first, last, columns, steps, rows):
     """Fill in rows first..last, each a point, from columns of numbers; rounded to 1 / `steps`.
 
-    A few points at a time, so that what lies side by side in either array is used at once.
+    A few points at a time: rounded side by side, so that several are at once, then written as rows.
     """
-    one = np.float32(steps)
-    for begin in range(first, last, TOGETHER):
-        end = min(begin + TOGETHER, last)
+    one, near = np.float32(steps), np.empty((len(columns), FEW), np.float32)
+    for begin in range(first, last, FEW):
+        count = min(FEW, last - begin)
         for k in range(len(columns)):
-            for i in range(begin, end):
-                rows[i, k] = np.rint(columns[k, i] * one) / one
+            for i in range(count):
+                near[k, i] = np.rint(columns[k, begin + i] * one) / one
+        for i in range(count):
+            for k in range(len(columns)):
+                rows[begin + i, k] = near[k, i]

@@ -24,7 +24,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Table
 from toolbox.errors import DataError
 
-FORMAT = 1
+FORMAT = 2  # since planarity and roughness are those of coarser points, as all others
 FIXED = ("about", "tree", "feature", "threshold", "left", "right", "missing_left")
 MOST_CLASSES, MOST_NODES = 64, 20_000_000
 LEAF = -1  # feature of a node without branches
@@ -238,7 +238,9 @@ def _about(text: str, name: str) -> Mapping[str, Any]:
     try:
         about = json.loads(text)
         if about["format"] != FORMAT:
-            raise ValueError(f"it is of format {about['format']}, this version reads {FORMAT}")
+            raise ValueError(
+                f"it is of format {about['format']}, this version reads {FORMAT}: train anew"
+            )
         _check_about(about)
     except (ValueError, TypeError, KeyError) as error:
         text = f"{name} is no model of classify.train, or damaged: {error}"

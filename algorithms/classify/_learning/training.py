@@ -116,7 +116,7 @@ def _boosting(points: Labelled, weight: Floats, how: Settings) -> Trained:
             early_stopping=False,
             max_features=share_asked(points.data.shape[1]),
             random_state=how.seed,
-        ).fit(bins.number, points.label, weight)
+        ).fit(_without_void(bins.number), points.label, weight)
     k = len(how.about["classes"])
     columns = [int(c) for c in made.classes_]
     if len(columns) == 2:
@@ -136,6 +136,11 @@ def _boosting(points: Labelled, weight: Floats, how: Settings) -> Trained:
             part = feature, threshold, nodes["left"], nodes["right"]
             parts.append((*part, nodes["missing_go_to_left"] > 0, values))
     return _of_trees(parts, baseline, how)
+
+
+def _without_void(data: Rows) -> Rows:
+    """The same features, those that no point has 0, as libraries need a value."""
+    return np.where(np.isnan(data).all(axis=0), np.float32(0), data)
 
 
 def share_asked(features: int) -> float:
@@ -193,8 +198,9 @@ def _logistic(points: Labelled, weight: Floats, how: Settings) -> Trained:
     """Logistic regression of features that are centred and scaled."""
     from sklearn.linear_model import LogisticRegression
 
-    middle = np.nan_to_num(np.nanmedian(points.data, axis=0)).astype(float)
-    data = np.where(np.isnan(points.data), middle, points.data)
+    data = _without_void(points.data)
+    middle = np.nanmedian(data, axis=0).astype(float)
+    data = np.where(np.isnan(data), middle, data)
     scale = data.std(axis=0)
     scale[scale == 0] = 1.0
     made = LogisticRegression(max_iter=500).fit((data - middle) / scale, points.label, weight)

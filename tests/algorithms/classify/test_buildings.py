@@ -91,6 +91,20 @@ def test_a_house_is_found_with_its_outline_and_heights() -> None:
     assert out.building_share == found.mean()
 
 
+def test_a_house_at_the_edge_of_the_data_is_cut() -> None:
+    """Five of eight buildings of a tile were cut, with heights and forms as if they were whole."""
+    points = village()
+    half = points.select(points["x"] < 500_016)
+    (whole,), (part,) = (
+        ClassifyBuildings(points=cloud).run().outlines.frame.to_dict("records")
+        for cloud in (points, half)
+    )
+    assert not whole["cut"]
+    assert part["cut"]
+    said = list(ClassifyBuildings(points=half).run().not_looked_at())
+    assert said[0].startswith("Buildings that the edge of the data cuts: 1 of 1;")
+
+
 def test_the_smallest_building_decides_about_the_shed() -> None:
     points = village()
     with_shed = ClassifyBuildings(points=points, smallest=5.0, outline="alpha").run()

@@ -34,6 +34,7 @@ def test_patches_are_uncertain_and_of_all_kinds(model: Table) -> None:
     inside = shapely.contains_xy(blind.patches.frame.union_all(), *cloud.xyz[:, :2].T)
     assert set(np.unique(cloud["classification"][inside])) == {2, 5, 6}
     assert blind.patches.frame["uncertainty"].isna().all()
+    assert blind.uncertainty is None
 
 
 def test_what_is_labelled_is_not_suggested_again(model: Table) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from algorithms.classify import _evidence
 from algorithms.classify._learning import columns, model
 from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning.bins import Bins
@@ -107,6 +109,24 @@ def test_models_of_a_training_share_their_bins() -> None:
     np.testing.assert_array_equal(alone.threshold, trained(points, how).threshold)
 
 
+@pytest.mark.parametrize("kind", ["boosting", "forest", "logistic"])
+def test_a_feature_that_no_point_of_a_part_has_tells_nothing(kind: Kind) -> None:
+    """Such as planes where few patches are labelled; later points may have it."""
+    data, label = rows_and_labels(0, 3)
+    fresh, truth = rows_and_labels(1, 3)
+    how = settings(3, kind)
+    points = binned(Labelled(data, label, np.ones(600), np.arange(600) % 9), how)
+    lacking = np.arange(60)  # whose second feature is missing
+    with_it = np.flatnonzero(np.isnan(data[:, 1]))
+    np.testing.assert_array_equal(with_it, lacking)
+    made = trained(points.some(lacking), how)
+    assert (made.scores(fresh).argmax(axis=1) == truth).mean() > 0.4
+    fresh[:, 1] += 100.0
+    other = made.scores(fresh)
+    fresh[:, 1] = np.nan
+    np.testing.assert_array_equal(made.scores(fresh), other)
+
+
 def test_leaves_of_certain_points_have_a_penalty() -> None:
     """Without it their values grow beyond bounds, and later rounds chase them."""
     rng = np.random.default_rng(0)
@@ -176,6 +196,23 @@ def test_learnt_in_one_yard_it_holds_in_another(made: Any, tmp_path: Path) -> No
     np.testing.assert_array_equal(direct.classified["probability"], sure)
 
 
+def test_intervals_that_are_too_narrow_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """As compare.classes tells them: few blocks, and a corner in which all labels are wrong."""
+    cloud = yard()
+    corner = (cloud.xyz[:, :2] < cloud.xyz[:, :2].min(axis=0) + 12).all(axis=1)
+    wrong = cloud.with_attributes(
+        {"classification": np.where(corner, 6, cloud["classification"]).astype(np.uint8)}
+    )
+    for points, block, text in (
+        (cloud, 40.0, r"only \d blocks hold points: below 8 there are no intervals"),
+        (cloud, 20.0, r"only \d squares of four blocks hold points: below 8"),
+        (wrong, 5.0, r"the errors are as uncertain as \d.\d independent ones"),
+    ):
+        caplog.clear()
+        ClassifyTrain(**{**QUICK, "folds": 2, "block": block}, points=points, features=NAMES).run()
+        assert re.search(text, caplog.text)
+
+
 def test_the_order_of_the_points_does_not_matter(made: Any) -> None:
     cloud = yard()
     order = np.random.default_rng(5).permutation(len(cloud))
@@ -209,6 +246,38 @@ def test_polygons_on_the_map_are_labels() -> None:
     both = Vector(pandas.concat([layer.frame, clash]), name="b.gpkg")
     with pytest.raises(DataError, match="areas: no point lies in polygons of class 9 alone"):
         ClassifyTrain(**job, areas=both).run()
+
+
+def test_only_points_in_polygons_teach_but_all_are_seen() -> None:
+    """Labels outside are not looked at, but what stands there is in the features inside."""
+    cloud = yard()
+    corners = [(5e5 + x, 46e5 + y) for x in (0, 24, 48) for y in (0, 24, 48)]
+    shapes = [shapely.box(x, y, x + 12, y + 12) for x, y in corners]
+    layer = Vector(geopandas.GeoDataFrame(geometry=shapes, crs=UTM), name="patches.gpkg")
+    inside = shapely.contains_xy(shapely.union_all(shapes), *cloud.xyz[:, :2].T)
+    job: dict[str, Any] = {"features": NAMES, "block": 12.0, **QUICK}
+    wrong = cloud.with_attributes(
+        {"classification": np.where(inside, cloud["classification"], 9).astype(np.uint8)}
+    )
+    out = ClassifyTrain(points=wrong, areas=layer, **job).run()
+    assert [row["class"] for row in out.by_class.rows()] == [2, 5, 6]
+    left = ClassifyTrain(points=wrong, leave_out=ClassList([9]), **job).run()
+    pandas.testing.assert_frame_equal(out.model.frame, left.model.frame)
+    away = Vector(layer.frame.translate(1e3).to_frame("geometry"), name="away.gpkg")
+    with pytest.raises(DataError, match="areas: no point lies in the polygons"):
+        ClassifyTrain(points=cloud, areas=away, **job).run()
+
+
+def test_polygons_that_are_not_filled_in_teach_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    cloud = yard()
+    shapes = [shapely.box(x, 46e5, x + 20, 46e5 + 60) for x in 5e5 + np.array([0, 20, 40])]
+    frame = geopandas.GeoDataFrame({"class": [2, None, 6]}, geometry=shapes, crs=UTM)
+    frame["class"] = frame["class"].astype("Int64")
+    job: dict[str, Any] = {"points": cloud, "features": ("intensity",), **QUICK}
+    job |= {"class_attribute": "class", "block": 6.0}
+    out = ClassifyTrain(**job, areas=Vector(frame, name="patches.gpkg")).run()
+    assert [row["class"] for row in out.by_class.rows()] == [2, 6]
+    assert "1 polygons have no class, and teach nothing" in caplog.text
 
 
 def test_sampling_is_by_place_and_says_what_each_point_stands_for() -> None:
@@ -247,12 +316,29 @@ def test_one_point_per_voxel_has_the_features_of_features_local() -> None:
     index = rng.permutation(20**3)[:900]
     xyz = np.stack(np.unravel_index(index, (20, 20, 20)), axis=1) + rng.uniform(0.2, 0.8, (900, 3))
     cloud = PointCloud(xyz, {}, crs=UTM)
-    names = ("planarity@4", "linearity@4", "height_range@4")
+    names = ("planarity@3", "linearity@3", "height_range@3")  # in voxels of a metre
     found = names_of.described(cloud, names)
     bases = [names_of.split(name)[0] for name in names]
-    expected = covariance_features(xyz, neighbours=None, radius=4.0, names=bases)  # type: ignore[arg-type]
+    expected = covariance_features(xyz, neighbours=None, radius=3.0, names=bases)  # type: ignore[arg-type]
     for k, base in enumerate(bases):
         np.testing.assert_allclose(found[:, k], expected[base], atol=1e-4)  # type: ignore[index]
+
+
+def test_what_is_around_is_told_by_the_neighbourhoods_of_a_metre() -> None:
+    """Points about planes are those in voxels, made once for all features that need them."""
+    cloud = yard()
+    names = ("planarity", "roughness", "surface_variation@1")
+    found = names_of.described(cloud, names)
+    means, place = names_of.voxel_means(cloud.xyz, 1.0 / names_of.PER_RADIUS)
+    shapes = covariance_features(
+        means, neighbours=None, radius=1.0, names=("eigenvalue3", "neighbours", "surface_variation")
+    )
+    scatter = _evidence.scatter_of(shapes["eigenvalue3"], shapes["neighbours"])[place]
+    around = _evidence.PointFeatures(cloud, 1.0, 3.0, given_scatter=scatter)
+    for k, name in enumerate(names[:2]):
+        np.testing.assert_allclose(found[:, k], around.feature(name), atol=1e-4)
+        np.testing.assert_array_equal(found[:, k], names_of.described(cloud, (name,))[:, 0])
+    np.testing.assert_allclose(found[:, 2], shapes["surface_variation"][place], atol=1e-4)
 
 
 def test_voxels_are_the_same_whatever_else_there_is() -> None:
@@ -338,7 +424,7 @@ def test_columns_without_points_above_the_ground_have_no_heights() -> None:
         ({"features": ("intensity", "intensity")}, "features: a name is given twice"),
         ({"features": ("returns",)}, "returns needs the attributes"),
         ({"labels": Attribute("truth")}, "labels: no attribute 'truth'; there are"),
-        ({"class_attribute": "code"}, "class_attribute: is for areas; give both or none"),
+        ({"class_attribute": "code"}, "class_attribute: is an attribute of areas; give them"),
     ],
 )
 def test_what_cannot_be_learnt(given: dict[str, Any], text: str) -> None:

@@ -43,6 +43,25 @@ def rows(points: PointCloud, **settings: Any) -> list[dict[str, Any]]:
     return found
 
 
+def test_crowns_at_the_edge_of_the_data_are_cut() -> None:
+    """24 of 74 crowns of a tile were halves, with areas and heights as if they were whole."""
+    out = ClassifyTrees(points=park([(10, 10, 3, 9), (29, 10, 3, 8)])).run()
+    assert out.crowns.frame.sort_values("height")["cut"].tolist() == [True, False]
+    assert any("edge of the data cuts: 1 of 2" in text for text in out.not_looked_at())
+
+
+def test_trees_of_overlapping_tiles_are_counted_once() -> None:
+    """A set of four tiles said that there are 156 trees, of which its files had 39."""
+    whole = park([(8, 10, 3, 9), (22, 10, 3, 8)])
+    west = whole["x"] < 500_015
+    number = np.arange(len(whole))
+    halves = [whole.with_origin(np.where(own, number, -1 - number)) for own in (west, ~west)]
+    out = [ClassifyTrees(points=half).run() for half in halves]
+    assert [len(one.tops) for one in out] == [2, 2], "each tile sees the other's tree in its halo"
+    assert [one.count for one in out] == [1, 1]
+    assert out[0].in_words().startswith("Single trees: 2")
+
+
 def test_a_tree_has_its_place_height_and_crown() -> None:
     out = ClassifyTrees(points=park([(10, 8, 3, 9)])).run()
     (top,), (crown,) = (layer.frame.to_dict("records") for layer in (out.tops, out.crowns))
@@ -141,5 +160,5 @@ def test_bad_input_is_named(caplog: pytest.LogCaptureFixture) -> None:
     bare = points.select(points["classification"] == 2)
     with caplog.at_level(logging.WARNING, "toolbox"):
         assert ClassifyTrees(points=bare).run().count == 0
-    assert "no point of class 5 is 3 m high" in caplog.text
+    assert "no point of class 5 is 3 m high; classify vegetation first" in caplog.text
     assert ClassifyTrees(points=points.select([])).run().count == 0

@@ -124,7 +124,7 @@ def test_what_lets_no_pulse_through_may_be_left_unclassified(
     caplog.clear()
     none = ClassifyUrban(points=single, penetration=0.25).run()
     assert none.vegetation_share == 0
-    assert "vegetation cannot be told, and stays class 1" in caplog.text
+    assert "vegetation that the file does not name cannot be told, and stays class 1" in caplog.text
 
 
 def test_points_that_take_no_part_keep_their_confidence() -> None:

@@ -117,6 +117,21 @@ def test_bodies_are_measured_in_any_direction_and_unit(turn: float, metre: float
     assert body.top == pytest.approx(3.0, abs=0.1)
 
 
+@pytest.mark.parametrize("seed", range(24))
+def test_a_long_bus_is_told_by_its_sides_where_points_are_sparse(seed: int) -> None:
+    """Points a metre apart in rows; a disc within said 3.0 m for two of these."""
+    rng = np.random.default_rng(seed)
+    places = np.mgrid[0:40.0, 0:40.0] + rng.uniform(0, 1, (2, 1, 1))
+    xy = places.reshape(2, -1).T + rng.uniform(-0.35, 0.35, (1600, 2))
+    bus = (abs(xy - (16.0, 11.25)) < (6.0, 1.275)).all(axis=1)
+    z = 50 + 3.0 * bus + rng.normal(0, 0.02, len(xy))
+    columns = {name: np.ones(len(xy), np.uint8) for name in ("return_number", "number_of_returns")}
+    columns["number_of_returns"][0] = 2
+    xyz = np.column_stack([xy + np.array([500_000, 4_600_000]), z])
+    points = cloud(xyz, np.where(bus, 1, 2), **columns)
+    assert large_vehicles(features(points), bus, 1.0, 10.0)[bus].all()
+
+
 def test_a_square_hut_is_a_building_if_it_is_large_enough() -> None:
     points = yard((10, 12.6, 10, 12.6, 2.5))
     some = features(points)

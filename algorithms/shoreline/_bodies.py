@@ -38,6 +38,7 @@ from algorithms.shoreline._level import (
 from algorithms.shoreline._returns import UNIT, Returns
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
+from toolbox.data.crs import unit_of
 
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
@@ -62,6 +63,10 @@ DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1
 LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
 SIGMAS = 1.683  # standard deviations of a normal distribution between its 20 % and its 80 %
 BENT = 0.02  # m between places of a dark surface that is none of water: strips fit to so much
+PAVED = 0.005  # slope: half of what drains paved ground at least; calm rivers fall by less
+PIECES = 4  # of a river, along it, of which each has a shape across
+FOR_SHAPE = 20  # cells that tell that shape
+ENDS = 0.1, 0.9  # share of a river that is its end
 LONG = 2.0  # length of a place that falls as a river may, in widths
 CORE = 0.3  # of the distance to the middle of a body, from where its level is taken
 SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
@@ -117,6 +122,11 @@ class CellGrid:
     inside: Mask
     surrounded: Mask
     density: float
+
+    @property
+    def unit(self) -> str:
+        """The unit of the data, as it may be written behind a height; "" for another one."""
+        return unit_of(1 / self.metre)
 
     @property
     def area(self) -> float:
@@ -181,6 +191,7 @@ class Body:
     dark : separation of the intensities on water and shore, 0 to 1
     evidence : what speaks for water
     waves : height above the level up to which a cell is on open water, rather than on a bank
+    amid : separation of the intensities if other water beside it counts as shore, as `dark` else
     """
 
     cells: Ints
@@ -190,6 +201,7 @@ class Body:
     dark: float
     evidence: str
     waves: float = math.inf
+    amid: float = 0.0
 
     @property
     def few(self) -> bool:
@@ -200,9 +212,9 @@ class Body:
     def holds(self) -> bool:
         """Whether it may stand above other water beside it, as behind a sluice or a weir.
 
-        A bank of that water returns its pulses, and is hardly darker than the land around.
+        A bank of that water returns its pulses, and is hardly darker than land and water around.
         """
-        return self.few or self.dark >= VERY_DARK
+        return self.few or self.amid >= VERY_DARK
 
     @property
     def doubtful(self) -> bool:
@@ -278,8 +290,9 @@ Pool = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted p
 def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]:
     """All water bodies, the largest first."""
     classed = 2 * cells.water > np.maximum(cells.count, 1)
+    holes = list(_holes(cells, pour.first))
     places = [
-        *_holes(cells, pour.first),
+        *_pools(cells, holes, pour.first),
         *_level_places(cells, cells.calm(), pour.first),
         *_level_places(cells, classed, pour.first),
     ]
@@ -288,15 +301,45 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
     for done, place in enumerate(places):
         ctx.progress(0.9 * done / len(places))
         found += pour.on(*place)
+    for hole in holes:  # of fields on terraces the bund above is higher than that below
+        if hole.tilt != LEVEL:
+            found += pour.on(hole.cells, hole.level, LEVEL)
     for place in _level_places(cells, cells.calm(WAVY) & (pour.state != TAKEN), pour.first):
         ctx.progress(0.9)
         found += pour.on(*place, rough=True)
-    for place in _slopes(cells, cells.calm() & (pour.state != TAKEN), RIVER * pour.least):
-        ctx.progress(0.9)
-        found += pour.on(*place)
+    for spread in (CALM, WAVY):
+        calm = cells.calm(spread) & (pour.state != TAKEN)
+        for place in _slopes(cells, calm, spread, RIVER * pour.least):
+            ctx.progress(0.9)
+            found += pour.on(*place, rough=spread > CALM)
+    found += pour.beside_water()
     found += pour.doubted()
     ctx.progress(1.0)
     return sorted(joined(cells, found), key=lambda body: (-len(body.cells), body.cells[0]))
+
+
+class _Later(NamedTuple):
+    """A place that is looked at again when other water is known.
+
+    Attributes
+    ----------
+    place : where water is poured
+    rough : see :meth:`Pour.on`
+    doubtful : whether its level speaks for it
+    body : its cells
+    shore : number of cells that it was compared with
+    """
+
+    place: Pool
+    rough: bool
+    doubtful: bool
+    body: Ints
+    shore: int
+
+
+def _by_place(one: _Later) -> tuple[int, int]:
+    starts = one.place[0]
+    return -len(starts), int(starts[0])
 
 
 class Pour:
@@ -315,7 +358,7 @@ class Pour:
     lowest : array of shape (rows, cols), to where water runs off: the median of the lowest heights
         around, amid holes that at their edge
     middle : the same, but in bodies their level
-    later : places that are known by their level alone
+    later : places that are known by their level alone, or too little, as far as their shores tell
     ran_off : places as level and large as water may be, from which water would run off
     refused : the largest area that was no water: its cells and the reason
     """
@@ -327,7 +370,7 @@ class Pour:
         self.lowest = _below(cells, self.first)
         self.empty()
         self.stack = np.empty(self.floor.size, np.int32)
-        self.later: list[Pool] = []
+        self.later: list[_Later] = []
         self.ran_off: list[Body] = []
         self.refused: tuple[Ints, str] = (np.zeros(0, np.int64), "")
 
@@ -351,35 +394,65 @@ class Pour:
         body, lower = self._spread(
             starts, level + STEP * metre, level - DROP * metre, most_lower, tilt
         )
+        dikes = lower > most_lower and tilt == LEVEL and not rough
+        if dikes:
+            body, lower = self._behind_dikes(starts, level, most_lower)
         if lower > most_lower:
             self._note(starts, level, tilt)
             return self._refuse(body, f"water would run off to ground {DROP:g} m lower")
         if len(body) < self.least:
             return self._refuse(body, "too small")
-        judged, why = judge(self.cells, body, level, tilt, rough=rough)
-        if judged and not judged.holds and self._above_water(body, level) > most_lower:
+        shore = self._shore(body)
+        judged, why = judge(self.cells, body, level, tilt, shore, rough=rough)
+        if judged and not judged.holds and (dikes or self._above_water(body, level) > most_lower):
             self._note(starts, level, tilt)
             judged, why = None, f"it is a bank of water {DROP:g} m lower"
+        if not last and (judged is None or judged.doubtful):
+            doubtful = judged is not None
+            self.later.append(_Later((starts, level, tilt), rough, doubtful, body, len(shore)))
         if judged is None:
             return self._refuse(body, why)
         if judged.doubtful and not last:
-            self.later.append((starts, level, tilt))
             return []
         self._take(body, level, tilt)
         return [judged]
 
+    def _shore(self, body: Ints) -> Ints:
+        """Cells with points near a body that are no water found: what it is compared with."""
+        shore = shore_of(self.cells, body)
+        return np.asarray(shore[self.state.ravel()[shore] != TAKEN])
+
     def _note(self, starts: Ints, level: float, tilt: Tilt) -> None:
         """Keep a place that water runs off from, if it is large and nearly all of it is level."""
         large = LARGE * self.cells.metre**2 / self.cells.area
-        whole = max(_patches(_mask(starts, self.floor.shape), 1), key=len)
-        if tilt == LEVEL and len(whole) >= large:
-            judged, _ = judge(self.cells, whole, level)
+        if tilt != LEVEL or len(starts) < large:
+            return
+        whole = _largest(self.cells.lattice, starts)
+        if len(whole) >= large:
+            judged, _ = judge(self.cells, whole, level, LEVEL, self._shore(whole))
             if judged and "level" in judged.evidence:
                 self.ran_off.append(judged)
 
+    def beside_water(self) -> list[Body]:
+        """Bodies whose shore told too little, as it is other water that was found after them.
+
+        Fields and ponds between dikes have more water than land around them.
+        """
+        found: list[Body] = []
+        while True:
+            waiting = sorted(self.later, key=_by_place)
+            self.later, before = [], len(found)
+            for one in waiting:
+                if len(self._shore(one.body)) < one.shore:
+                    found += self.on(*one.place, rough=one.rough)
+                else:
+                    self.later.append(one)
+            if len(found) == before:
+                return found
+
     def doubted(self) -> list[Body]:
         """Bodies that are known by their level alone, beside all others."""
-        places = sorted(self.later, key=lambda place: (-len(place[0]), place[0][0]))
+        places = [one.place for one in sorted(self.later, key=_by_place) if one.doubtful]
         return [body for place in places for body in self.on(*place, last=True)]
 
     def _above_water(self, body: Ints, level: float) -> int:
@@ -457,6 +530,16 @@ class Pour:
         """The floor with a dam around the holes at the edge of the data."""
         return np.where(self.rim, np.float32(np.inf), self.floor)
 
+    def _behind_dikes(self, starts: Ints, level: float, most_lower: int) -> tuple[Ints, int]:
+        """What water covers, and how many cells lie below, if points above it hold it.
+
+        Cells may be as wide as a dike, and their lowest points on the water beside it.
+        """
+        metre = self.cells.metre
+        floor = np.where(self.cells.high > level + STEP * metre, np.float32(np.inf), self.floor)
+        below, inner = level - DROP * metre, starts[np.isfinite(floor.ravel()[starts])]
+        return self._over(floor, inner, level + STEP * metre, below, most_lower, LEVEL)
+
     def _over(
         self, floor: Floats, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
     ) -> tuple[Ints, int]:
@@ -504,12 +587,18 @@ def _fit(cells: CellGrid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
     return float(level), Tilt(float(south), float(east), row, col)
 
 
-def _holes(cells: CellGrid, least: int) -> Iterator[Pool]:
-    """Holes in the data as starting cells, with the level at their edges.
+class Hole(NamedTuple):
+    """A hole in the data, the cells at its edge with their heights, and their level and tilt."""
 
-    The edge of a lake is at one level, that of a shadow or of a gap between strips follows the
-    terrain, and so does that of a river.
-    """
+    cells: Ints
+    edge: Ints
+    heights: NDArray[np.float32]
+    level: float
+    tilt: Tilt
+
+
+def _holes(cells: CellGrid, least: int) -> Iterator[Hole]:
+    """Holes in the data that have points at their edges."""
     for hole in _patches(cells.hole, least):
         edge = around(cells.lattice, hole, 1)
         heights = cells.low.ravel()[edge]
@@ -518,11 +607,22 @@ def _holes(cells: CellGrid, least: int) -> Iterator[Pool]:
             continue
         level = lowest_mode(heights, STEP * cells.metre)
         tilt = _tilt_of(cells, edge[heights >= level - STEP * cells.metre])
-        if tilt == LEVEL:
-            yield hole, level, LEVEL
-        elif len(hole) >= START * RIVER * least:
-            rest = heights - tilt.at(edge // cells.lattice.cols, edge % cells.lattice.cols)
-            yield hole, lowest_mode(rest, STEP * cells.metre), tilt
+        yield Hole(hole, edge, heights, level, tilt)
+
+
+def _pools(cells: CellGrid, holes: Sequence[Hole], least: int) -> Iterator[Pool]:
+    """Holes as starting cells, with the level at their edges.
+
+    The edge of a lake is at one level, that of a shadow or of a gap between strips follows the
+    terrain, and so does that of a river.
+    """
+    for hole in holes:
+        if hole.tilt == LEVEL:
+            yield hole.cells, hole.level, LEVEL
+        elif len(hole.cells) >= START * RIVER * least:
+            r, c = hole.edge // cells.lattice.cols, hole.edge % cells.lattice.cols
+            rest = hole.heights - hole.tilt.at(r, c)
+            yield hole.cells, lowest_mode(rest, STEP * cells.metre), hole.tilt
 
 
 def _tilt_of(cells: CellGrid, edge: Ints) -> Tilt:
@@ -546,17 +646,70 @@ def _tilt_of(cells: CellGrid, edge: Ints) -> Tilt:
     return tilt if is_slope else LEVEL
 
 
-def _slopes(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
-    """Calm tilted areas with few returns, which may be rivers, with their levels and tilts."""
+def _slopes(cells: CellGrid, where: Mask, spread: float, least: int) -> Iterator[Pool]:
+    """Calm tilted areas with few or dark returns, which may be rivers, with levels and tilts.
+
+    Parameters
+    ----------
+    where : cells that are calm
+    spread : of heights on such water, in metres
+    """
     on_land = cells.density * cells.lattice.cell**2
     for place in _patches(where, least):
         heights = cells.middle.ravel()[place]
         level, tilt = _fit(cells, place, heights)
         trend = tilt.at(place // cells.lattice.cols, place % cells.lattice.cols)
         low, high = np.percentile(heights - trend, (10, 90))
-        thin = cells.count.ravel()[place].mean() <= SPARSE * on_land
-        if thin and high - low <= CALM * cells.metre < np.ptp(trend):
-            yield place, level, tilt
+        if high - low <= spread * cells.metre and np.ptp(trend) > CALM * cells.metre:
+            thin = cells.count.ravel()[place].mean() <= SPARSE * on_land
+            if thin or _darkness(cells, place, shore_of(cells, place)) >= VERY_DARK:
+                yield place, level, tilt
+
+
+def flows(cells: CellGrid, some: Ints, tilt: Tilt) -> bool:
+    """Whether a tilted place falls along itself alone, from one edge of the data to another.
+
+    A river does, and not much, where it is calm. Paved ground is drained: it falls or bends across
+    as well, or ends in the data.
+    """
+    along = tilt.at(some // cells.lattice.cols, some % cells.lattice.cols)
+    low, high = np.quantile(along, ENDS)
+    cut = ~cells.whole.ravel()[some]
+    if not (is_long(cells, some) and cut[along <= low].any() and cut[along >= high].any()):
+        return False
+    core = core_of(cells, some)
+    drained = _drained(cells, core[np.isfinite(cells.low.ravel()[core])])
+    return max(drained, math.hypot(tilt.south, tilt.east) / cells.lattice.cell) <= PAVED
+
+
+def is_long(cells: CellGrid, some: Ints) -> bool:
+    """Whether cells lie along a line, as rivers and roads do."""
+    return _along_a_line(some // cells.lattice.cols, some % cells.lattice.cols)
+
+
+def _along_a_line(south: NDArray[Any], east: NDArray[Any]) -> bool:
+    wide, long = np.sqrt(np.linalg.eigvalsh(np.cov(south, east)))
+    return bool(long >= LONG * wide)
+
+
+def _drained(cells: CellGrid, some: Ints) -> float:
+    """How much a long place rises to one side, or to its middle: the median of pieces along it.
+
+    Waves are averaged, which local slopes would be of.
+    """
+    spots = np.column_stack([some // cells.lattice.cols, some % cells.lattice.cols]).astype(float)
+    centred = spots - spots.mean(axis=0)
+    across, along = (centred @ np.linalg.eigh(np.cov(centred.T))[1]).T
+    order = np.argsort(along, kind="stable")
+    steep = []
+    for piece in np.array_split(order, PIECES):
+        if len(piece) >= FOR_SHAPE:
+            line = np.vander(along[piece] - along[piece].mean(), 3)
+            aside = across[piece] - line @ np.linalg.lstsq(line, across[piece], rcond=None)[0]
+            shape = np.column_stack([aside, np.abs(aside), line])
+            rise = np.linalg.lstsq(shape, cells.low.ravel()[some[piece]], rcond=None)[0][:2]
+            steep.append(np.abs(rise).max() / cells.lattice.cell)
+    return float(np.median(steep)) if steep else math.inf
 
 
 def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
@@ -586,10 +739,13 @@ def _patches(mask: Mask, least: int) -> Iterator[Ints]:
             yield order[ends[label] - sizes[label] : ends[label]]
 
 
-def _mask(some: Ints, shape: tuple[int, ...]) -> Mask:
-    mask = np.zeros(shape, bool)
-    mask.ravel()[some] = True
-    return mask
+def _largest(lattice: Lattice, some: Ints) -> Ints:
+    """The cells of the largest connected patch of some cells."""
+    (top, left), mask = window(lattice, some, 0)
+    labels, _ = ndimage.label(mask)
+    sizes = np.bincount(labels.ravel())
+    r, c = np.nonzero(labels == 1 + sizes[1:].argmax())
+    return (r + top) * lattice.cols + c + left
 
 
 def around(lattice: Lattice, some: Ints, width: int) -> Ints:
@@ -611,32 +767,43 @@ def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], 
     return (int(top), int(left)), mask
 
 
+def shore_of(cells: CellGrid, body: Ints) -> Ints:
+    """Indices of the cells with points around a body, but for those at its very edge."""
+    ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
+    return np.asarray(ring[cells.count.ravel()[ring] > 0])
+
+
 def judge(
-    cells: CellGrid, body: Ints, level: float, tilt: Tilt = LEVEL, *, rough: bool = False
+    cells: CellGrid, body: Ints, level: float, tilt: Tilt, ring: Ints, *, rough: bool = False
 ) -> tuple[Body | None, str]:
     """The body with the evidence that it is water, or none if that is too weak, and why.
 
     An area that returns no pulses is water, unless it is narrow as shadows are. One that returns
     them must be level, and very dark or large. A rough one must be dark in any case.
+
+    Parameters
+    ----------
+    ring : the cells of its shore, see :func:`shore_of`, but for other water
     """
-    count, bright = cells.count.ravel(), cells.bright.ravel()
-    ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
-    ring = ring[count[ring] > 0]
+    count = cells.count.ravel()
     here = body[count[body] > 0]
     lost = _lost(cells, body, ring)
-    dark = separation(bright[here], bright[ring])
+    amid = _darkness(cells, body, shore_of(cells, body))
+    dark = amid if rough else _darkness(cells, body, ring)  # wet banks are rough and dark, too
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
     level_enough = tilt == LEVEL and _is_level(cells, body)
+    across = tilt != LEVEL and dark >= VERY_DARK and flows(cells, body, tilt)
     reasons = {
         "few returns": lost <= SPARSE,
         "level": level_enough,
+        "level across": across,
         "dark": dark >= DARK and not (level_enough and _bent(cells, body)),
         "class": classed,
     }
     wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)
     few = lost <= SPARSE and (wide or dark >= DARK or level_enough)
     large = len(here) >= LARGE * cells.metre**2 / cells.area
-    enough = few or classed or (level_enough and (dark >= VERY_DARK or large))
+    enough = few or classed or across or (level_enough and (dark >= VERY_DARK or large))
     if not enough or (rough and dark < DARK):
         return None, (
             f"it returns {lost:.0%} of the pulses that its shore does, its intensities separate by "
@@ -645,7 +812,7 @@ def judge(
     if not (few or classed) and _raised(cells, body, level):
         return None, f"ground {WALL:g} m lower is close behind its rim, as around a roof"
     evidence = ", ".join(name for name, holds in reasons.items() if holds)
-    return Body(body, cells.base + level, tilt, lost, dark, evidence), ""
+    return Body(body, cells.base + level, tilt, lost, dark, evidence, amid=amid), ""
 
 
 def _lost(cells: CellGrid, body: Ints, ring: Ints) -> float:
@@ -667,6 +834,12 @@ def _raised(cells: CellGrid, body: Ints, level: float) -> bool:
     heights = cells.low.ravel()[ring]
     heights = heights[np.isfinite(heights)]
     return bool(len(heights) and np.median(heights) < level - WALL * cells.metre)
+
+
+def _darkness(cells: CellGrid, body: Ints, ring: Ints) -> float:
+    """Separation of the intensities in the cells of a body and of its shore."""
+    bright, count = cells.bright.ravel(), cells.count.ravel()
+    return separation(bright[body[count[body] > 0]], bright[ring])
 
 
 def separation(water: Floats, land: Floats) -> float:
@@ -710,8 +883,7 @@ def _bent(cells: CellGrid, some: Ints) -> bool:
     z = np.array([heights[part].mean() for part in parts])
     south, east = (np.array([spots[part].mean(axis=0) for part in parts]) - spots.mean(axis=0)).T
     design = np.column_stack([np.ones(len(z)), south, east, south**2, south * east, east**2])
-    wide, long = np.sqrt(np.linalg.eigvalsh(np.cov(south, east)))
-    if long >= LONG * wide:
+    if _along_a_line(south, east):
         z = z - design[:, :3] @ np.linalg.lstsq(design[:, :3], z, rcond=None)[0]
     fit = design @ np.linalg.lstsq(design, z, rcond=None)[0]
     return bool(np.ptp(fit) >= BENT * cells.metre and not two_levels_fit(z, fit))

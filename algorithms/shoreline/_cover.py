@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from algorithms.shared.otsu import otsu_threshold
 from algorithms.shoreline._bodies import CellGrid, window
-from algorithms.shoreline._level import DAYS, Level, level_of
+from algorithms.shoreline._level import Level, level_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,7 +48,7 @@ def covered(
             for some in (thick, np.setdiff1d(core, thick))
         ]
         apart = abs(parts[0].height - parts[1].height)
-        if apart >= max(DAYS * cells.metre, math.hypot(parts[0].interval, parts[1].interval)):
+        if apart >= math.hypot(parts[0].interval, parts[1].interval):
             return parts[0].height, parts[1].height
     return None
 

@@ -13,7 +13,7 @@ from algorithms.shoreline._bodies import CREST, STEP, Body, CellGrid, waves_of, 
 Ints = NDArray[np.int64]
 
 
-def apart(cells: CellGrid, body: Body, least: int) -> list[Body]:
+def apart(cells: CellGrid, body: Body, least: int, highest: float = -np.inf) -> list[Body]:
     """The parts of a body that rows of cells with points above its waves part from one another.
 
     Parameters
@@ -21,6 +21,7 @@ def apart(cells: CellGrid, body: Body, least: int) -> list[Body]:
     cells : see :class:`CellGrid`
     body : a water as it was filled
     least : cells of a part; smaller ones go to the part next to them, as do the rows between
+    highest : of two levels side by side, above which a dike is; the step between them is none
 
     Returns
     -------
@@ -31,7 +32,7 @@ def apart(cells: CellGrid, body: Body, least: int) -> list[Body]:
     here = np.s_[top : top + wet.shape[0], left : left + wet.shape[1]]
     crest = max(CREST * waves_of(cells, body.cells), STEP * cells.metre)
     with np.errstate(invalid="ignore"):
-        dry = cells.high[here] - cells.middle[here] > crest
+        dry = cells.high[here] - np.maximum(cells.middle[here], highest - cells.base) > crest
     label, _ = ndimage.label(wet & ~dry)
     sizes = np.bincount(label.ravel())
     large = np.flatnonzero(sizes >= least)

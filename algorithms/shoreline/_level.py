@@ -306,7 +306,8 @@ def edge_level(xyz: Floats, start: float, metre: float, step: float = 0.0) -> Le
     The lowest points on a bank lie between the level and a spacing up the slope: their heights
     begin at the level. That is where their number per height reaches half of its most. But if
     waves sent returns from among them, they begin in a trough, and the level is nearer to their
-    lower quartile. Few heights do not tell which: how far these are apart is part of the error.
+    lower quartile. Few heights do not tell which: how far these are apart is part of the error. So
+    is how far the lowest heights are below: most of a shore may be a ledge above the water.
 
     Parameters
     ----------
@@ -323,7 +324,8 @@ def edge_level(xyz: Floats, start: float, metre: float, step: float = 0.0) -> Le
     scatter = float(np.std([_onset(some, start, width) for some in drawn]))
     level = _onset(heights, start, width)
     waves = float(np.quantile(heights, FOOT)) - level
-    error = math.hypot(scatter, width / math.sqrt(12), step / math.sqrt(12), waves)
+    ledge = max(level - float(np.quantile(heights, FEW)), 0.0)
+    error = math.hypot(scatter, width / math.sqrt(12), step / math.sqrt(12), waves, ledge)
     return Level(level, error, math.inf, width, len(heights), basis="shore")
 
 

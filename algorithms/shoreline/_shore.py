@@ -271,16 +271,30 @@ def _expect_ground(
         height[wet] = -step
         return
     seen, high = kind[wet] == WATER, land[wet]
+    water = np.flatnonzero(seen)
+    tree, most = cKDTree(xy[wet[water]]), min(2 * count, len(water))
     for turn in range(TURNS):
         part = ctx.part(turn / TURNS, (turn + 1) / TURNS)
-        plane = _planes(xy, height, np.flatnonzero(land), wet, step, count, part)
-        above = _nearer_the_plane(xy[wet], height[wet], plane.there, seen, count)
-        near = (plane.steep > 0) & (plane.away <= LAND_REACH / np.sqrt(cells.density))
-        known = near & ((plane.there < 0) | (above > np.where(high, -step / SURE, 0.0)))
-        land[wet] = seen & near & (plane.there > 0) & (above > step / SURE)  # low on the bank
-    expected = np.where(known, plane.there, plane.deep)
-    expected = np.where(seen, expected, np.minimum(expected, plane.deep / 10))
-    height[wet], slope[wet] = expected, np.where(known, plane.steep, np.nan)
+        bank = np.flatnonzero(land)
+        beside = cKDTree(xy[bank])
+        away, first = beside.query(xy[wet])
+        at = np.flatnonzero(away <= LAND_REACH / np.sqrt(cells.density))  # only they need a plane
+        around = np.zeros((len(at), 0), np.int64)
+        if most:
+            around = water[np.asarray(tree.query(xy[wet[at]], range(1, most + 1))[1])]
+        some = np.union1d(at, around)
+        there, steep, above = np.full((3, len(wet)), np.nan)
+        there[some], steep[some] = _planes(beside, height[bank], xy[wet[some]], count, part)
+        above[at] = _nearer_the_plane(height[wet][around], there[around])
+        near = np.zeros(len(wet), bool)
+        near[at] = steep[at] > 0
+        known = near & ((there < 0) | (above > np.where(high, -step / SURE, 0.0)))
+        land[wet] = seen & near & (there > 0) & (above > step / SURE)  # low on the bank
+    # As far below the level as the nearest land is above: with it, the shore is half way.
+    deep = -np.maximum(height[bank[first]], step)
+    expected = np.where(known, there, deep)
+    expected = np.where(seen, expected, np.minimum(expected, deep / 10))
+    height[wet], slope[wet] = expected, np.where(known, steep, np.nan)
 
 
 def _high_ground(
@@ -298,39 +312,25 @@ def _high_ground(
     return land
 
 
-@dataclass(frozen=True)
-class _Planes:
-    """Planes of the land next to some positions; arrays of shape (n,).
-
-    Attributes
-    ----------
-    there : height of the plane at the position
-    steep : slope
-    away : distance of the nearest point of land
-    deep : as far below the level as that point is above: with it, the shore is half way
-    """
-
-    there: Floats
-    steep: Floats
-    away: Floats
-    deep: Floats
-
-
 def _planes(
-    xy: Floats, height: Floats, land: Ints, wet: Ints, step: float, count: int, ctx: Context
-) -> _Planes:
-    """Planes through the `count` points of land next to each position."""
-    tree, made = cKDTree(xy[land]), _Planes(*np.zeros((4, len(wet))))
-    for some in _blocks(np.arange(len(wet)), ctx):
-        at = wet[some]
-        far, near = (np.asarray(a) for a in tree.query(xy[at], count))
-        d = np.concatenate(
-            [xy[land][near] - xy[at][:, None], height[land][near][..., None]], axis=2
-        )
-        made.there[some], gx, gy = fit_planes(d, _nearer(far)).T
-        made.steep[some], made.away[some] = np.hypot(gx, gy), far[:, 0]
-        made.deep[some] = -np.maximum(d[:, 0, 2], step)
-    return made
+    land: cKDTree, height: Floats, at: Floats, count: int, ctx: Context
+) -> tuple[Floats, Floats]:
+    """Heights and slopes of planes through the `count` points of land next to each position.
+
+    Parameters
+    ----------
+    land : tree of the points of land
+    height : of these
+    at : positions, array of shape (n, 2)
+    """
+    there, steep = np.empty((2, len(at)))
+    for some in _blocks(np.arange(len(at)), ctx):
+        far, near = (np.asarray(a) for a in land.query(at[some], count))
+        away = np.asarray(land.data)[near] - at[some][:, None]
+        d = np.concatenate([away, height[near][..., None]], axis=2)
+        there[some], east, north = fit_planes(d, _nearer(far)).T
+        steep[some] = np.hypot(east, north)
+    return there, steep
 
 
 def _nearer(away: Floats) -> Floats:
@@ -339,23 +339,23 @@ def _nearer(away: Floats) -> Floats:
     return np.asarray(1.001 - ((away - first) / np.maximum(last - first, 1e-9)) ** 2)
 
 
-def _nearer_the_plane(xy: Floats, height: Floats, there: Floats, seen: Mask, count: int) -> Floats:
+def _nearer_the_plane(height: Floats, there: Floats) -> Floats:
     """By how much the points around a position are nearer to the plane of the land than to water.
 
     All of them tell together, where the plane is above the water: single points scatter, and where
     the plane comes down to the water they would tell nothing.
+
+    Parameters
+    ----------
+    height, there : of the points around each position and of the plane there, of shape (n, k)
 
     Returns
     -------
     array of shape (n,)
         Positive for the plane; it scatters as a single point on the water does.
     """
-    if not seen.any():
-        return np.full(len(xy), -np.inf)
-    tree = cKDTree(xy[seen])
-    _, near = tree.query(xy, range(1, min(2 * count, tree.n) + 1))
-    plane, z = np.maximum(there[seen], 0.0)[near], height[seen][near]
-    sums = (plane * (z - plane / 2)).sum(axis=1)
+    plane = np.maximum(there, 0.0)
+    sums = (plane * (height - plane / 2)).sum(axis=1)
     return np.asarray(sums / np.maximum(np.sqrt((plane**2).sum(axis=1)), 1e-9))
 
 

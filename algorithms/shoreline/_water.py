@@ -24,7 +24,9 @@ from algorithms.shoreline._bodies import (
     Tilt,
     around,
     find_bodies,
+    flows,
     grid,
+    is_long,
     joined,
     open_water,
 )
@@ -51,6 +53,7 @@ MOST_SAMPLES = 500_000  # points that tell the level of one body
 ROUNDS, MOST_ROUNDS = 3, 6  # the latter where bodies meet and become one
 FALL = 0.15  # m, from end to end of a body that is no lake
 SAME = 0.02, 0.15  # m, least and most between levels that may be the same, by their intervals
+KNOWN = 0.02  # m, interval of a level that others can be told to be equal to
 OVERLAP = 0.2  # share of a level place that is water found: its rest is not told of
 BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
 ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
@@ -106,10 +109,12 @@ def find_water(
             break
     found = [part for water in found for part in _parted(points, cells, pour.least, water)]
     ctx.progress(1.0)
+    found = [water for water in found if not _is_road(cells, water)]
     if not level_alone:
         found = _sure(cells, found)
     if not found:
         _tell_nothing(cells, pour)
+    _tell_sparse(cells, least_area)
     _tell_above(cells, pour, found)
     return cells, sorted(found, key=_by_size)
 
@@ -118,31 +123,37 @@ def _parted(points: Returns, cells: CellGrid, least: int, water: Water) -> list[
     """Waters on both sides of dikes, if they stand at levels of their own, or the water whole."""
     if water.fall or water.level.strips > DAYS * cells.metre:  # a step between flights is no dike
         return [water]
-    parts = apart(cells, water.body, least)
+    parts = apart(cells, water.body, least, max(water.level.parts or (-math.inf,)))
     if len(parts) < 2:
         return [water]
     found = with_levels(points, cells, parts)
     levels = [one.level for one in found]
     pairs = [(a, b) for k, a in enumerate(levels) for b in levels[:k]]
-    differ = any(
-        abs(a.height - b.height) >= DAYS * cells.metre and not _alike(a, b, cells.metre)
-        for a, b in pairs
-    )
+    differ = any(not _alike(a, b, cells.metre) for a, b in pairs)
     return found if differ else [water]
+
+
+def _is_road(cells: CellGrid, water: Water) -> bool:
+    """Whether a long place that slopes, and returns its pulses, is drained as roads are."""
+    body = water.body
+    if not water.fall or body.few or "class" in body.evidence or not is_long(cells, body.cells):
+        return False
+    return not flows(cells, body.cells, _tilt(cells, water))
 
 
 def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
     """Bodies that more than their level speaks for: squares, fields and cuttings are level, too.
 
     A body at the level of one that is sure is water, too: level ground is hardly ever at the
-    very level of a lake near by.
+    very level of a lake near by, if both levels are known well. Any ground lies within the wide
+    interval of a water that returned nothing.
     """
     sure = [water for water in found if not water.body.doubtful]
     doubtful = sorted((water for water in found if water.body.doubtful), key=_by_size)
     known = [water.level for water in sure if not water.fall]
     left_out = []
     for water in doubtful:
-        if any(_alike(water.level, one, cells.metre) for one in known):
+        if any(_equal(water.level, one, cells.metre) for one in known):
             evidence = f"{water.body.evidence}, that of other water"
             sure.append(replace(water, body=replace(water.body, evidence=evidence)))
         else:
@@ -167,6 +178,11 @@ def _alike(one: Level, other: Level, metre: float) -> bool:
     return abs(one.height - other.height) <= unsure
 
 
+def _equal(one: Level, other: Level, metre: float) -> bool:
+    """Whether two levels are the same as far as centimetres tell."""
+    return max(one.interval, other.interval) <= KNOWN * metre and _alike(one, other, metre)
+
+
 def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
     """Log what was looked for, what came nearest to it, and what to try."""
     area = cells.area / cells.metre**2
@@ -176,18 +192,33 @@ def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
         x, y = _centre(cells, some)
         size = len(some) * area
         nearest = (
-            f"the largest place like that, {size:.0f} m2 at {x:.1f},{y:.1f}, is none: {reason}. If "
-            "it is water, name its class (water_classes), or give its outline to "
-            "shoreline.water_level (water)"
+            f"the largest place like that, {size:.0f} m2 at {x:.1f},{y:.1f}, is none: {reason}"
         )
-    log.warning(
-        "points: no water was found of at least %.0f m2 that loses half of its pulses, or is level "
-        "and dark, or at the level of such water and larger than %.0f m2, in cells of %.1f m; %s",
-        pour.least * area,
+    log.warning("points: no water was found of at least %.0f m2; %s", pour.least * area, nearest)
+    log.info(
+        "water loses half of its pulses, or is level and dark, or at the level of such water and "
+        "larger than %.0f m2, in cells of %.1f m; where a place is water all the same, name its "
+        "class (water_classes), or give its outline to shoreline.water_level (water)",
         LARGE,
         cells.lattice.cell / cells.metre,
-        nearest,
     )
+
+
+def _tell_sparse(cells: CellGrid, least_area: float) -> None:
+    """Log that waters which are asked for are smaller than points can tell."""
+    narrow = NARROW * cells.lattice.cell
+    if narrow**2 > least_area:
+        area = cells.metre**2
+        log.warning(
+            "points: land has %.2g points per m2, which are counted in cells of %.1f m: waters "
+            "that are narrower than %.1f m are often lost, and so are most below %.0f m2, though "
+            "min_area is %.0f m2; a map of them can be given to shoreline.water_level (water)",
+            cells.density * area,
+            cells.lattice.cell / cells.metre,
+            narrow / cells.metre,
+            narrow**2 / area,
+            least_area / area,
+        )
 
 
 def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
@@ -244,7 +275,8 @@ def _meets(cells: CellGrid, place: Body, water: Water) -> bool:
 
 def _contact(cells: CellGrid, place: Body, water: Water) -> float:
     """Length along which a place meets a body, over the root of the area of the smaller one."""
-    beside = np.intersect1d(around(cells.lattice, place.cells, BESIDE), water.body.cells)
+    near = around(cells.lattice, place.cells, BESIDE)
+    beside = np.intersect1d(near, water.body.cells, assume_unique=True)
     length = len(beside) / BESIDE
     return length / math.sqrt(min(len(place.cells), len(water.body.cells)))
 
@@ -419,11 +451,11 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
     )
     for one in found[:LISTED]:
         log.info(
-            "%s: level %.3f +- %.3f (95 %%), single points %.3f, from the %s; by %s: returns "
+            "%s: level %.3f +- %s (95 %%), single points %.3f, from the %s; by %s: returns "
             "%.0f %% of those of its shore, intensities separate by %.2f (1 is fully)",
             name_of(cells, one),
             one.level.height,
-            one.level.interval,
+            in_unit(cells, one.level.interval),
             one.level.sigma,
             one.level.basis,
             one.body.evidence,
@@ -447,20 +479,20 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
         if one.level.parts:
             low, high = one.level.parts
             log.warning(
-                "points: the %s stands at two levels side by side, %.3f and %.3f, and the points "
-                "do not name their flights (point_source_id): they were flown at other times, or "
-                "do not fit together. Its level is the mean of its points; its interval holds both",
+                "points: the %s stands at two levels side by side, %s and %s, and flights "
+                "(point_source_id) do not part them: they were flown at other times, or do not "
+                "fit together. Its level is the mean of its points; its interval holds both",
                 name_of(cells, one),
-                low,
-                high,
+                in_unit(cells, low),
+                in_unit(cells, high),
             )
-        if one.level.cover:
+        if one.level.cover and abs(np.subtract(*one.level.cover)) >= DAYS * metre:
             log.warning(
-                "points: the %s stands at %.3f where most pulses come back, or the brightest ones, "
-                "and at %.3f elsewhere: floating plants or ice, or flights at other times. Its "
+                "points: the %s stands at %s where most pulses come back, or the brightest ones, "
+                "and at %s elsewhere: floating plants or ice, or flights at other times. Its "
                 "level is the mean of its points; its interval holds both",
                 name_of(cells, one),
-                *one.level.cover,
+                *(in_unit(cells, height) for height in one.level.cover),
             )
         if one.level.basis == "shore" and (rise := _rise(cells, one)) > WALL * metre:
             log.warning(
@@ -476,6 +508,11 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 one.level.sigma / metre,
             )
+
+
+def in_unit(cells: CellGrid, height: float) -> str:
+    """A height or a difference of heights with the unit of the data."""
+    return f"{height:.3f} {cells.unit}".rstrip()
 
 
 def _rise(cells: CellGrid, water: Water) -> float:

@@ -27,6 +27,7 @@ from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell, warn_of
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Vector
+from toolbox.data.crs import short_height_unit
 from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -47,6 +48,7 @@ LOOKS = {
         "water",
         "lake",
         "river",
+        "flood",
         "reservoir",
         "shoreline",
         "outline",
@@ -114,7 +116,9 @@ class ShorelineExtract:
 
     @outputs
     class Outputs:
-        water: Vector = sink("Polygons of the water, at its level", columns=columns.WATER)
+        water: Vector = sink(
+            "Polygons of the water, at its level", show=show.OfClass(9), columns=columns.WATER
+        )
         shoreline: Vector = sink(
             "Their outlines: shore, islands, and edges of the data",
             show=show.Classes("kind", LOOKS),
@@ -140,15 +144,19 @@ class ShorelineExtract:
                 return "No water body was found."
             bodies = "One water body" if self.count == 1 else f"{self.count} water bodies"
             which = "its level" if self.count == 1 else "the level of the largest"
+            level, interval = (
+                float(self.water.frame[name].iloc[0]) for name in ("level", "level_interval")
+            )
+            unit = short_height_unit(self.water.crs)
             words = (
                 f"{bodies} of {self.area:.0f} m² in all, {self._area_reach:.0f} m² more or less; "
-                f"{which} is {self.level:.3f} m"
+                f"{which} is {f'{level:.3f} {unit}'.rstrip()}"
             )
-            if self.level_interval is None:
+            if not math.isfinite(interval):
                 return f"{words}."
             return (
-                f"{words}, ± {self.level_interval:.3f} m within the survey (95 % intervals); an "
-                "error that all of its heights have in common comes on top."
+                f"{words}, ± {f'{interval:.3f} {unit}'.rstrip()} within the survey (95 % "
+                "intervals); an error that all of its heights have in common comes on top."
             )
 
         @property
@@ -163,7 +171,7 @@ class ShorelineExtract:
                 if row["open_length"]:
                     yield (
                         f"Body {row['body']}: {row['open_length']:.0f} of {row['perimeter']:.0f} m "
-                        "of its outline is the edge of the data; the shore there was not seen."
+                        "of its outline is the edge of the data, not a shore"
                     )
 
     def check(self) -> Iterator[tuple[str, str]]:

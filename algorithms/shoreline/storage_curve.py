@@ -100,7 +100,10 @@ class ShorelineStorageCurve:
     points: PointCloud | None = source("Points of the ground", default=None)
     terrain: Raster | None = source("Raster of heights of the ground", default=None)
     outline: Vector | None = source(
-        "Polygons around the basin, a wall to the water", default=None, label="Outline of the basin"
+        "Polygons around the basin, a wall to the water",
+        default=None,
+        label="Outline of the basin",
+        shapes="polygon",
     )
     step: float | None = param(
         "Height from one level to the next; by default 1 m, or less so that there are ten",
@@ -132,6 +135,7 @@ class ShorelineStorageCurve:
         "Water of which the level is to rise, the largest polygon of several",
         default=None,
         label="Lake of the basin",
+        shapes="polygon",
     )
     height_error: float | None = param(
         "Standard error that all heights have in common, for limits of area and volume",
@@ -193,12 +197,12 @@ class ShorelineStorageCurve:
             """Area and volume at the last level, and where the lake runs over."""
             frame = self.curve.frame
             levels = frame["level_m"]
-            above = "its lowest ground,"
+            above = f"its lowest ground, {self.lowest_ground:.3f} m"
             if OVERTOPPED in frame:
-                above = "the level of the survey, that is"
+                above = f"the level of the survey, that is {self.lowest_ground:.3f} m"
             words = (
                 f"At a level of {levels.iloc[-1]:.3f} m the basin has an area of {self.area:.0f} "
-                f"m² and holds {self.volume:.0f} m³ above {above} {self.lowest_ground:.3f} m. "
+                f"m² and holds {self.volume:.0f} m³ above {above}. "
                 f"The curve has {len(frame)} levels from {levels.iloc[0]:.3f} m on."
             )
             if frame["open"].all():

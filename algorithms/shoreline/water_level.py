@@ -60,7 +60,9 @@ class ShorelineWaterLevel:
     """
 
     points: PointCloud | Survey = source("Points of the survey, classified or not")
-    water: Vector | None = source("Polygons of water, instead of finding it", default=None)
+    water: Vector | None = source(
+        "Polygons of water, instead of finding it", default=None, shapes="polygon"
+    )
     min_area: float = param(
         "Smallest body to find", default=100.0, unit="m2", gt=0, label="Smallest body of water"
     )

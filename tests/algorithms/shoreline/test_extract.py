@@ -405,6 +405,55 @@ def test_a_run_says_how_wide_waters_must_be(caplog: Any) -> None:
     assert float(told) == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [("rice_wet", 300), ("fish_ponds", 105), ("days_unnamed", 105), ("river", 106)],
+)
+def test_waters_that_are_hard_to_tell_are_found(kind: str, seed: int) -> None:
+    """Fields with water all around, dikes as wide as cells, two days, a river.
+
+    The dikes lie between ponds whose levels differ by 3 cm; the river is dark and loses no pulses.
+    """
+    found, _ = scored(waters.survey(kind, seed))
+    assert min(found) > 0.9
+
+
+@pytest.mark.slow
+def test_fields_on_terraces_are_found_and_ground_beside_them_is_none() -> None:
+    """Nothing comes back from them, and the bund above each is higher than the one below.
+
+    Ground of 0.2 ha at the edge is within the wide intervals of their levels, but at none of them.
+    """
+    made = waters.survey("rice_wet", 701)
+    found, water = scored(made)
+    assert min(found) > 0.9
+    assert len(water) == len(made.waters)
+    assert (abs(np.sort(water["level"]) - sorted(w.level for w in made.waters)) < 0.1).all()
+
+
+@pytest.mark.parametrize("seed", [407, 420])
+def test_a_dark_road_in_a_cutting_is_no_river(seed: int) -> None:
+    """One falls by 0.5 %, the other by 1.3 %, and its crown is 10 cm high."""
+    assert not extract(waters.survey("road", seed).points, bodies="all", sloped=True).count
+
+
+def test_leaves_that_lift_a_level_by_less_than_days_do_are_within_its_interval(caplog: Any) -> None:
+    made = waters.survey("plants", 106)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        found = extract(made.points)
+    assert abs(found.level - made.waters[0].level) <= found.level_interval
+    assert "where most pulses come back" not in caplog.text
+
+
+@pytest.mark.parametrize(("density", "told"), [(0.4, True), (4.0, False)])
+def test_points_too_sparse_for_the_waters_asked_for_are_told(
+    density: float, told: bool, caplog: Any
+) -> None:
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        extract(lake(density=density))
+    assert ("though min_area is 100 m2" in caplog.text) == told
+
+
 def test_who_points_at_ice_gets_it() -> None:
     made = waters.survey("ice", 0)
     spot = made.outlines[0].centroid

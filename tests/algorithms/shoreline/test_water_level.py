@@ -239,6 +239,16 @@ def rough_lake_with_islands(*, dark: bool) -> ShorelineWaterLevel.Outputs:
     return ShorelineWaterLevel(points=points).run()
 
 
+def test_a_ledge_above_the_water_is_not_taken_for_its_shore() -> None:
+    """Three sides of a pond are banks from its level on; most points lie on the fourth."""
+    rng = np.random.default_rng(1)
+    ledge, bank = rng.normal(0.25, 0.02, 400), rng.uniform(0, 0.6, 300)
+    xyz = np.column_stack([np.zeros((700, 2)), np.concatenate([ledge, bank])])
+    level = edge_level(xyz, 0.25, 1.0)
+    assert level.height > 0.15
+    assert abs(level.height) <= level.interval
+
+
 def test_small_islands_are_told_from_waves_by_brightness(caplog: pytest.LogCaptureFixture) -> None:
     """Islands of a cell or two and waves of 0.15 m: by their heights alone 0.26 m too high."""
     row = rough_lake_with_islands(dark=True).levels.rows()[0]
@@ -315,13 +325,15 @@ def test_a_river_is_told_by_its_fall() -> None:
 
 
 def test_no_water_tells_what_was_looked_for(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", logger="toolbox")
     found = ShorelineWaterLevel(points=slope()).run()
     assert found.level is None
     assert len(found.levels) == 0
-    assert "no water was found of at least 100 m2 that loses half of its pulses" in caplog.text
+    assert "no water was found of at least 100 m2; the largest place like that" in caplog.text
     assert "name its class (water_classes)" in caplog.text
-    assert "the largest place like that" in caplog.text
-    assert "is none: " in caplog.text
+    (warned,) = [one.getMessage() for one in caplog.records if one.levelname == "WARNING"]
+    assert "is none: " in warned
+    assert len(warned) < 200, "it stands in reports of land without water"
 
 
 def test_modes() -> None:

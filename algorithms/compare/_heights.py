@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.error_measures import NORMAL
+
 UNITS = {  # how many of the one are one of the other
     "feet beside metres": 1 / 0.3048,
     "centimetres beside metres": 100.0,
     "millimetres beside metres": 1000.0,
 }
 ALIKE = 0.01  # share by which a ratio may miss that of two units; metres and yards differ by 9 %
-NORMAL = 1.4826  # standard deviation over the median of the sizes of normal values
 # An offset is one of the height system where it is so many times the scatter, and as many metres:
 # national systems differ by decimetres and ellipsoid and geoid by up to 106 m, while ground that
 # rises, or is built up, by a metre does not do so alike everywhere.
@@ -52,6 +53,28 @@ def height_mismatch(error: Floats, surface: Floats, metre: float) -> str | None:
         f"lies {abs(middle):.2f} m {side} the reference (median; NMAD {nmad:.3f} m): "
         "are they in one height system?"
     )
+
+
+def far_apart(error: Floats, median: float, nmad: float, least: float) -> NDArray[np.intp]:
+    """The numbers of errors that are no part of the distribution of the others, the largest first.
+
+    Normal errors never are ten times their scatter from the middle; a point that was read, typed
+    or surveyed wrong is.
+
+    Parameters
+    ----------
+    error : array of shape (n,)
+    median, nmad : of them, see `algorithms.shared.error_measures`
+    least : from the median, in the unit of the errors, below which none is far
+
+    Examples
+    --------
+    >>> far_apart(np.array([0.01, -0.02, 0.0, 0.02, 3.0, -0.01]), 0.005, 0.022, 0.1).tolist()
+    [4]
+    """
+    off = np.abs(error - median)
+    far = np.flatnonzero(off > max(least, TIMES * nmad))
+    return far[np.argsort(-off[far], kind="stable")]
 
 
 def _is_multiple(one: Floats, other: Floats, ratio: float) -> bool:

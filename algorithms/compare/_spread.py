@@ -77,7 +77,7 @@ def spread(kind: str, xy: Array, quarters: Quarters) -> Iterator[dict[str, Any]]
         return
     shares = quarters.shares(xy)
     few, where = float(shares.min()), NAMES[int(shares.argmin())]
-    note = "spread" if few >= LEAST else "UNEVEN"
+    note = "well spread" if few >= LEAST else "UNEVEN"
     note += f": at least {LEAST:.0%} of them belong in each quarter; fewest in the {where}"
     if few < LEAST:
         log.warning("%s: only %.0f %% of the checkpoints are in the %s", kind, 100 * few, where)

@@ -28,13 +28,17 @@ NSSDA = "NSSDA, 1998, 3.2.2"
 EMPTIEST, APART = "NVA emptiest quarter", "NVA mean distance to next"  # items of a report
 CENTIMETRES = 100.0  # in a metre; classes of the standard are centimetres
 
+Feet = tuple[str, float] | None
+"""Name and metres of the unit of data in feet; None of others."""
 
-def statement(report: pd.DataFrame) -> Iterator[str]:
+
+def statement(report: pd.DataFrame, feet: Feet = None) -> Iterator[str]:
     """Sentences on NVA and VVA from the rows of a report.
 
     Parameters
     ----------
     report : columns item and value, metres; and note, where checkpoints are uneven
+    feet : the unit of heights that are in feet, and its metres; errors are told in it, too
 
     Examples
     --------
@@ -65,11 +69,17 @@ checkpoints and 4.0 cm these themselves.
         )
     if count:
         yield from _distribution(report)
-        yield f"Non-vegetated vertical accuracy (NVA): {_actual('NVA', found)}"
+        yield f"Non-vegetated vertical accuracy (NVA): {_actual('NVA', found, feet)}"
     if green := int(found.get("VVA checkpoints", 0)):
         yield (
             f"Vegetated vertical accuracy (VVA), reported as found at {green} checkpoints: "
-            f"{_actual('VVA', found)}"
+            f"{_actual('VVA', found, feet)}"
+        )
+    if feet and count:
+        unit, metres = feet
+        yield (
+            f"The data are in {unit}. Measures of this report are in metres, "
+            f"1 m = {1 / metres:.4f} {unit}; errors on its map are in {unit}."
         )
 
 
@@ -90,16 +100,24 @@ def _distribution(report: pd.DataFrame) -> Iterator[str]:
         )
 
 
-def _actual(kind: str, found: Mapping[str, float]) -> str:
+def _actual(kind: str, found: Mapping[str, float], feet: Feet) -> str:
     """The RMSE found, and what it is made of."""
-    total, fit, own = (
-        f"{found[f'{kind} RMSEV{part}'] * CENTIMETRES:.1f} cm" for part in ("", "1", "2")
-    )
+    total, fit, own = (_length(found[f"{kind} RMSEV{part}"], feet) for part in ("", "1", "2"))
     if pd.isna(found[f"{kind} RMSEV2"]):
         return f"RMSEV {total}, the fit alone, as the error of the checkpoints is not given."
     return (
         f"RMSEV {total}, of which {fit} are the fit to the checkpoints and {own} these themselves."
     )
+
+
+def _length(size: float, feet: Feet) -> str:
+    """A length in centimetres, and in the feet of the data.
+
+    >>> _length(0.094, None), _length(0.094, ("ft", 0.3048))
+    ('9.4 cm', '9.4 cm (0.308 ft)')
+    """
+    text = f"{size * CENTIMETRES:.1f} cm"
+    return f"{text} ({size / feet[1]:.3f} {feet[0]})" if feet else text
 
 
 def horizontal(rmse: float | None) -> str:

@@ -72,6 +72,8 @@ LOOKS = {  # each as the layer that is there alone has on the map of a report
         "polygon",
         "footprint",
         "validation",
+        "map",
+        "change",
     ),
 )
 class CompareAreas:
@@ -105,10 +107,13 @@ class CompareAreas:
     Tables are in metres, layers in the unit of the data.
     """
 
-    areas: Vector = source("Polygons to judge")
-    reference: Vector = source("Reference polygons")
+    areas: Vector = source("Polygons to judge", shapes="polygon")
+    reference: Vector = source("Reference polygons", shapes="polygon")
     coverage: Vector | None = source(
-        "Polygons within which is compared", default=None, label="Area to compare in"
+        "Polygons within which is compared",
+        default=None,
+        label="Area to compare in",
+        shapes="polygon",
     )
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     min_area: float = param(

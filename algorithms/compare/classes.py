@@ -34,13 +34,12 @@ from algorithms.compare._unseen import (
     no_limits,
     not_compared,
     warn_absent,
-    warn_blocks,
-    warn_clumps,
     warn_few,
     warn_not_known,
 )
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import Blocks, Clumping, Tallies, blocks
+from algorithms.shared.accuracy.certainty import warn_blocks, warn_clumps
 from algorithms.shared.ground import without_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table

@@ -80,10 +80,17 @@ class CompareLines:
     are in metres, layers in the unit of the data.
     """
 
-    lines: Vector = source("Lines to judge, or polygons for their outlines")
-    reference: Vector = source("Reference lines, or polygons for their outlines")
+    lines: Vector = source(
+        "Lines to judge, or polygons for their outlines", shapes=("line", "polygon")
+    )
+    reference: Vector = source(
+        "Reference lines, or polygons for their outlines", shapes=("line", "polygon")
+    )
     coverage: Vector | None = source(
-        "Polygons within which is compared", default=None, label="Area to compare in"
+        "Polygons within which is compared",
+        default=None,
+        label="Area to compare in",
+        shapes="polygon",
     )
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     buffer: float = param("Distance at which a line counts as found", default=1.0, unit="m", gt=0)

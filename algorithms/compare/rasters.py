@@ -28,12 +28,11 @@ from algorithms.compare._unseen import (
     no_limits,
     not_compared,
     warn_absent,
-    warn_blocks,
-    warn_clumps,
     warn_few,
 )
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import Blocks, Clumping, blocks
+from algorithms.shared.accuracy.certainty import warn_blocks, warn_clumps
 from algorithms.shared.accuracy.confusion import Confusion
 from algorithms.shared.alignment import misfit, offset
 from toolbox.context import QUIET, Context, log
@@ -97,8 +96,8 @@ class CompareRasters:
 
     classes: Raster = source("Raster of classes to judge", label="Classes to judge")
     reference: Raster | None = source("Raster of true classes", default=None)
-    areas: Vector | None = source("Polygons with true classes", default=None)
-    checkpoints: Vector | None = source("Points with true classes", default=None)
+    areas: Vector | None = source("Polygons with true classes", default=None, shapes="polygon")
+    checkpoints: Vector | None = source("Points with true classes", default=None, shapes="point")
     class_attribute: str | None = param(
         "Attribute of polygons or points that is the true class", default=None, of="areas"
     )

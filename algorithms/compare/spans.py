@@ -54,8 +54,8 @@ class CompareSpans:
     Heights are compared at the same position in plan.
     """
 
-    wires: Vector = source("Wires that were found")
-    reference: Vector = source("True wires")
+    wires: Vector = source("Wires that were found", shapes="line")
+    reference: Vector = source("True wires", shapes="line")
     span: str = param(
         "Column of the reference with the number of the span", default="span_id", of="reference"
     )

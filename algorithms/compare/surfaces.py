@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.compare._heights import height_mismatch
+from algorithms.compare._heights import far_apart, height_mismatch
 from algorithms.compare._shapes import areas_at
 from algorithms.compare._spread import Quarters, spread
 from algorithms.compare._statement import FEWEST, horizontal, statement
@@ -32,7 +32,7 @@ from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
-from toolbox.data.crs import crs_conflict
+from toolbox.data.crs import crs_conflict, feet_of_heights
 from toolbox.data.layer import extents
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
@@ -44,10 +44,31 @@ MOST_COVERS = 256
 STATED = "RMSEH"
 CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
 MOST_BINS = 80
+BLUNDER = 0.1  # metres: no blunder is smaller, whatever the scatter of the others
 UNKNOWN = "not known"  # land cover of a position that no class or polygon covers
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
+
+
+COVERS = {
+    "cover": Column("Land cover"),
+    "count": Column("Compared"),
+    "bias": Column("Mean", "m", 3),
+    "std": Column("Standard deviation", "m", 3),
+    "rmse": Column("RMSE", "m", 3),
+    "mae": Column("Mean size", "m", 3, detail=True),
+    "median": Column("Median", "m", 3),
+    "mad": Column("MAD", "m", 3, detail=True),
+    "nmad": Column("NMAD", "m", 3),
+    "le90": Column("LE90", "m", 3, detail=True),
+    "le95": Column("LE95", "m", 3),
+    "min": Column("Lowest", "m", 3),
+    **{f"p{n}": Column(f"{n} % are lower", "m", 3, detail=True) for n in (5, 25, 75, 95)},
+    "max": Column("Highest", "m", 3),
+    "far": Column("Farther than 3 NMAD", detail=True),
+    "emptiest_quarter": Column("In the emptiest quarter", "%", 0, 100.0, detail=True),
+}
 
 
 @tool(
@@ -97,12 +118,14 @@ class CompareSurfaces:
 
     surface: Raster = source("Raster of heights to judge")
     reference: Raster | None = source("Raster of true heights", default=None)
-    checkpoints: Vector | None = source("Points with true heights (Z)", default=None)
+    checkpoints: Vector | None = source(
+        "Points with true heights (Z)", default=None, shapes="point"
+    )
     points: PointCloud | None = source("Point cloud with true heights", default=None)
     cover: Raster | None = source(
         "Raster of classes of land cover", default=None, label="Land cover (raster)"
     )
-    areas: Vector | None = source("Polygons of land cover", default=None)
+    areas: Vector | None = source("Polygons of land cover", default=None, shapes="polygon")
     resample: bool = param(
         "Take a reference on other cells bilinearly at the cell centres",
         default=False,
@@ -152,7 +175,9 @@ class CompareSurfaces:
     @outputs
     class Outputs:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
-        covers: Table = sink("One row per land cover, with the same measures", label="Land covers")
+        covers: Table = sink(
+            "One row per land cover, with the same measures", label="Land covers", columns=COVERS
+        )
         report: Table | None = sink("Report after ASPRS 2024, for points")
         difference: Raster | None = sink("Surface minus reference raster")
         errors: Vector = sink(
@@ -185,7 +210,7 @@ class CompareSurfaces:
                     f"Surface less reference: mean {self.bias:.3f} m, RMSE {self.rmse:.3f} m, "
                     f"NMAD {self.nmad:.3f} m, at {self.count} cells."
                 )
-            return "\n".join(statement(self.report.frame))
+            return "\n".join(statement(self.report.frame, feet_of_heights(self.errors.crs)))
 
         def not_looked_at(self) -> Iterator[str]:
             """What heights do not tell."""
@@ -284,6 +309,8 @@ class CompareSurfaces:
         quarters = None if raster else Quarters.of(self.surface)
         ctx.progress(0.7)
         whole = measures(found.error)
+        if self.checkpoints is not None:
+            _tell_far(found, whole, metre)
         ctx.progress(0.8)
         covers = Table.from_rows(
             cover_rows(found, label, names, quarters, metre, ctx.part(0.8, 0.9))
@@ -446,6 +473,24 @@ class CompareSurfaces:
             kept = [name for name in named if name not in frame]
             frame = frame.join(named[kept])
         return Vector(frame, geometry_type="Point Z")
+
+
+def _tell_far(found: ErrorsAtPlaces, whole: Mapping[str, Any], metre: float) -> None:
+    """Warn of checkpoints that may be blunders, and of what the RMSE is without them."""
+    far = far_apart(found.error, whole["median"], whole["nmad"], BLUNDER * metre)
+    if not len(far):
+        return
+    rest = np.delete(found.error, far)
+    log.warning(
+        "%d of %d checkpoints are ten times the scatter from the others, the worst by %.3f m at "
+        "%.10g,%.10g: blunders, or places where the surface is wrong; look there. The RMSE of the "
+        "others is %.3f m",
+        len(far),
+        len(found.error),
+        found.error[far[0]] / metre,
+        *found.xy[far[0]],
+        float(np.sqrt(np.mean(rest**2))) / metre,
+    )
 
 
 class ErrorsAtPlaces(NamedTuple):

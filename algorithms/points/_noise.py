@@ -43,5 +43,6 @@ def in_words(low: int, high: int) -> str:
     """How many points are noise, as a report says it."""
     if not (found := low + high):
         return "No point was taken for noise."
-    were = "point was" if found == 1 else "points were"
-    return f"{found} {were} taken for noise: {low} low, {high} high."
+    if found == 1:
+        return f"{found} point was taken for noise: {low} low, {high} high."
+    return f"{found} points were taken for noise: {low} low, {high} high."

@@ -45,7 +45,7 @@ class PointsClip:
     """
 
     points: PointCloud = source("Points to choose from")
-    polygons: Vector | None = source("Polygons to clip by", default=None)
+    polygons: Vector | None = source("Polygons to clip by", default=None, shapes="polygon")
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     keep: Literal["inside", "outside"] = param(
         "Which points to keep", default="inside", label="Points to keep"

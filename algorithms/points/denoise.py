@@ -188,8 +188,8 @@ class PointsDenoise:
                 "each, so that all would be noise",
                 instead=outputs,
             )
-        clean = xyz.compress(verdict[part] == 0, axis=0)  # far faster than a mask in brackets
-        if is_on_map(cloud.crs) and (text := two_surveys(clean, cloud.metre)):
+        clean = verdict[part] == 0
+        if is_on_map(cloud.crs) and (text := two_surveys(xyz, cloud.metre, clean)):
             log.warning("%s", text)
         found = np.count_nonzero(verdict)
         if found > max(FEW, _noise.MOST * count):

@@ -64,7 +64,7 @@ class PointsProfile:
     """
 
     points: PointCloud | Survey = source("Points to cut")
-    line: Vector = source("Lines to cut along")
+    line: Vector = source("Lines to cut along", shapes="line")
     width: float = param("Width of a section", default=1.0, unit="m", gt=0)
     every: float | None = param(
         "Distance between cross-sections; without it, one section along each line",

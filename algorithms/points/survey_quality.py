@@ -127,28 +127,28 @@ class PointsSurveyQuality:
 
         def in_words(self) -> str:
             """Density, voids and strips."""
-            strips = (
-                "There is one strip, or the points do not tell."
-                if self.strip_count < 2
-                else f"{self.strip_count} strips overlap on {100 * self.overlap_share:.0f} % of it"
-                + (
-                    "."
-                    if self.strip_rms is None
-                    else f", and differ there by {self.strip_rms:.3f} m (RMS of all pairs "
-                    "together) on flat ground."
-                )
-            )
             return (
                 f"The survey has {self.mean_density:.1f} pulses per square metre, "
                 f"{self.spacing:.2f} m apart; {100 * self.void_share:.2f} % of it are voids. "
-                f"{strips}"
+                f"{self._strips_in_words()}"
+            )
+
+        def _strips_in_words(self) -> str:
+            if self.strip_count < 2:
+                return "There is one strip, or the points do not tell."
+            share = 100 * self.overlap_share
+            if self.strip_rms is None:
+                return f"{self.strip_count} strips overlap on {share:.0f} % of it."
+            return (
+                f"{self.strip_count} strips overlap on {share:.0f} % of it, and differ there by "
+                f"{self.strip_rms:.3f} m (RMS of all pairs together) on flat ground."
             )
 
         def not_looked_at(self) -> Iterator[str]:
             """What figures of strips do not say."""
             if self.strip_count > 1 and self.strip_rms is None:
                 yield "Strips were not compared: nowhere is flat ground seen from two of them."
-            yield "Whether a void is water was not looked at."
+            yield "Voids are counted whether they are water or not."
 
     def halo(self) -> float:
         """Infinite, as the spacing of pulses is that of the whole survey."""

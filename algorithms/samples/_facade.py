@@ -123,14 +123,37 @@ def facade(
         palace(house, BAY, relief, seed, _ground)
     else:
         house = _house(size, rng)
+    stations = stations_of(size)
+    step = angular_step(size, density, stations)
+    xyz, attributes = scanned(house, stations, step, noise, ctx)
     faces = np.array(house.faces, FACE)
-    stations = _stations(size)
-    step = _angular_step(size, density, stations)
-    everywhere, start, items = _by_bay(np.array(house.bays), int(np.ceil(size / BAY)))
+    features = [*_face_features(house, faces), *house.features, *_station_features(stations)]
+    return SceneData(xyz, attributes, _ground_raster(size), features)
+
+
+def scanned(
+    house: House,
+    stations: Floats,
+    step: float,
+    noise: float,
+    ctx: Context = QUIET,
+    sector: float = SECTOR,
+) -> tuple[Floats, dict[str, NDArray[Any]]]:
+    """Points of a house in projected coordinates, and their attributes.
+
+    Parameters
+    ----------
+    stations : array of shape (n, 3), places of the scanner, in coordinates of the house
+    step : angle between rays, radians
+    noise : standard deviation along the beam, metres
+    sector : of a scan, to both sides of square to the front, radians
+    """
+    rng, faces = house.rng, np.array(house.faces, FACE)
+    everywhere, start, items = _by_bay(np.array(house.bays), int(np.ceil(house.size / BAY)))
     openings = np.array(house.openings, OPENING)
     parts = []
     for number, station in enumerate(stations, start=1):
-        for directions, time in _sweep(step, rng):
+        for directions, time in _sweep(step, rng, sector):
             ctx.progress((number - 1) / len(stations))
             distance, face = _first_face(
                 station,
@@ -152,10 +175,8 @@ def facade(
             parts.append((np.round(_placed(xyz), 3), columns))
     xyz = np.concatenate([xyz for xyz, _ in parts])
     names = tuple(parts[0][1])
-    attributes = {name: np.concatenate([c.pop(name) for _, c in parts]) for name in names}
     ctx.progress(1.0)
-    features = [*_face_features(house, faces), *house.features, *_station_features(stations)]
-    return SceneData(xyz, attributes, _ground_raster(size), features)
+    return xyz, {name: np.concatenate([c.pop(name) for _, c in parts]) for name in names}
 
 
 # --- the house -----------------------------------------------------------------------------
@@ -285,7 +306,7 @@ def _ground(x: float, y: float) -> float:
 # --- scanning ------------------------------------------------------------------------------
 
 
-def _stations(size: float) -> Floats:
+def stations_of(size: float) -> Floats:
     """Scanner positions, shape (n, 3); the last is past the corner, where the side is visible."""
     count = max(1, int(np.ceil(size / 25.0)))
     x = np.append((np.arange(count) + 0.4) * size / count, size + 6.0)
@@ -293,21 +314,21 @@ def _stations(size: float) -> Floats:
     return np.column_stack([x, y, EYE + FALL[0] * x + FALL[1] * y])
 
 
-def _angular_step(size: float, density: float, stations: Floats) -> float:
+def angular_step(size: float, density: float, stations: Floats, sector: float = SECTOR) -> float:
     """Step between rays that gives the wall its mean density, from all stations together."""
     x, z = np.meshgrid((np.arange(60) + 0.5) * size / 60, np.linspace(0.3, EAVE - 0.3, 12))
     rays = np.zeros(x.shape)
     for sx, sy, sz in stations:
         flat, up = np.hypot(x - sx, sy), z - sz
-        seen = np.abs(np.arctan2(x - sx, -sy)) < SECTOR
+        seen = np.abs(np.arctan2(x - sx, -sy)) < sector
         # Rays per steradian grow towards the poles: 1 / cos(elevation).
         rays += seen * -sy / (flat**2 + up**2) / flat
     return float(np.sqrt(rays.mean() / density))
 
 
-def _sweep(step: float, rng: np.random.Generator) -> Any:
+def _sweep(step: float, rng: np.random.Generator, sector: float) -> Any:
     """Unit vectors and times of the rays of a scan, column by column, in blocks."""
-    azimuths = np.arange(-SECTOR, SECTOR, step)
+    azimuths = np.arange(-sector, sector, step)
     elevations = np.arange(RISE[0], RISE[1], step)
     width = max(1, RAYS_PER_BLOCK // len(elevations))
     for first in range(0, len(azimuths), width):

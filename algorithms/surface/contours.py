@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 MOST_LEVELS = 10_000  # more are taken for a mistake in the interval
 ROUNDING = 1e-9  # intervals: a level this close below the lowest value may be meant to be it
 DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
+TOLERANCE = 0.25  # m, of smoothing where none is given: what an airborne survey knows of a height
+PART = 0.25  # of the interval: half of what maps allow a line, as smoothing is one error of several
 TOUCH = 1e-9  # square cells: a ring that is smaller only touches the level
 
 ELEVATION = Column("Elevation", "unit")
@@ -54,16 +56,19 @@ class SurfaceContours:
     `interval` and `base` are metres. Every so many lines, counted from `base`, one is an index
     contour, whose attribute is_index is true.
 
-    Lines are not smoothed, since smoothed ones may cross. With `smooth_tolerance` the surface is
-    made as smooth as it can be without moving any height by more, and the lines are those of that
-    surface; water that was laid level stays level. A level that this would leave without a line,
-    as on flat land, keeps the lines of the surface as it is, if the interval is more than the
-    tolerance; their number is told. With `min_length` shorter lines are left out,
-    and their number is told: the noise of a survey makes many around single cells.
+    Lines are not smoothed, since smoothed ones may cross. With `smooth_lines` or `smooth_tolerance`
+    the surface is made as smooth as it can be without moving any height by more, and the lines are
+    those of that surface; water that was laid level stays level. A level that this would leave
+    without a line, as on flat land, keeps the lines of the surface as it is, if the interval is
+    more than the tolerance; their number is told, and so is a tolerance of more than a quarter of
+    the interval, as lines are then farther from the ground than maps allow. With `min_length`
+    shorter lines are left out, and their number is told: the noise of a survey makes many around
+    single cells.
 
     `labels` has a position on index contours every `label_spacing` along them, at least one on
-    each that is half as long, with the text, and the angle in degrees, counterclockwise from the
-    direction of x, at which it can be read. In a drawing (.dxf) they are texts.
+    each that is half as long, and on the longest of each height, with the text, and the angle in
+    degrees, counterclockwise from the direction of x, at which it can be read. In a drawing (.dxf)
+    they are texts.
     """
 
     surface: Raster = source("Raster of heights")
@@ -79,9 +84,11 @@ class SurfaceContours:
         label="Lines per index contour",
     )
 
-    smooth_tolerance: float = param(
-        "How far heights may be moved so that lines are smooth",
-        default=0.0,
+    smooth_lines: bool = param("Whether to smooth the lines", default=False, label="Smooth lines")
+    smooth_tolerance: float | None = param(
+        "How far smooth lines may move heights; a quarter of the interval, at most 0.25 m, "
+        "if not given",
+        default=None,
         unit="m",
         ge=0,
         le=10,
@@ -127,6 +134,14 @@ class SurfaceContours:
         if text := heights_problem(self.surface):
             yield "surface", f"{self.surface.name or 'the raster'} {text}"
 
+    @property
+    def tolerance(self) -> float:
+        """How far heights may be moved, in the unit of the surface; 0 for lines as they are."""
+        if self.smooth_tolerance is not None:
+            return self.smooth_tolerance
+        usual = min(self.interval * PART, TOLERANCE * self.surface.metre)
+        return usual if self.smooth_lines else 0.0
+
     def halo(self) -> float:
         """Infinite, as a line may run through the whole raster."""
         return math.inf
@@ -138,15 +153,22 @@ class SurfaceContours:
 
         surface = self.surface.band()
         heights = surface
-        if self.smooth_tolerance:
-            heights = smoothed(surface, self.smooth_tolerance, ctx=ctx.part(0.0, 0.5))
+        if self.tolerance > self.interval * PART:
+            log.warning(
+                "lines may be up to %.4g m higher or lower than the surface, more than a quarter "
+                "of the interval, %.4g m: a smaller tolerance of smoothing brings them nearer",
+                self.tolerance / self.surface.metre,
+                self.interval / self.surface.metre,
+            )
+        if self.tolerance:
+            heights = smoothed(surface, self.tolerance, ctx=ctx.part(0.0, 0.5))
             ctx = ctx.part(0.5, 1.0)
         steps = steps_between(surface, self.interval, self.base)
         levels = [round(self.base + step * self.interval, DIGITS) for step in steps]
         lattice = Lattice.of(self.surface)
         every = contours(heights, lattice, levels, ctx=ctx.part(0.0, 0.9))
         gone = [n for n, lines in enumerate(every) if not self._long_enough(lines)]
-        if 0 < self.smooth_tolerance < self.interval:
+        if 0 < self.tolerance < self.interval:
             # Lines of two levels cannot cross, as heights are moved by less than the interval.
             ctx = ctx.part(0.9, 1.0)
             rough = contours(surface, lattice, [levels[n] for n in gone], ctx=ctx)
@@ -190,7 +212,7 @@ class SurfaceContours:
                 "%d lines are those of the surface as it is: smoothing by up to %.4g m leaves no "
                 "line at their levels",
                 kept,
-                self.smooth_tolerance / self.surface.metre,
+                self.tolerance / self.surface.metre,
             )
 
     def _tell_none(self, surface: Array, every: list[list[Array]], steps: range) -> None:
@@ -199,8 +221,8 @@ class SurfaceContours:
         lengths = [length(line) for lines in every for line in lines]
         if not np.isfinite(surface).any():
             why = "no cell has a value"
-        elif not lengths and len(steps) and self.smooth_tolerance:
-            why = f"smoothing by up to {self.smooth_tolerance / metre:.4g} m leaves none"
+        elif not lengths and len(steps) and self.tolerance:
+            why = f"smoothing by up to {self.tolerance / metre:.4g} m leaves none"
         elif not lengths:
             why = "no height between cells is a multiple of the interval"
         else:
@@ -223,11 +245,13 @@ def labels_on(lines: geopandas.GeoDataFrame, spacing: float) -> Vector:
 
     rows: dict[str, list[Any]] = {"elevation": [], "text": [], "angle": []}
     places = []
-    for line, elevation in zip(lines.geometry, lines["elevation"], strict=True):
-        count = math.floor(line.length / spacing + 0.5)
+    longest = set(lines.geometry.length.groupby(lines["elevation"]).idxmax())
+    for own, line, elevation in zip(lines.index, lines.geometry, lines["elevation"], strict=True):
+        count = max(math.floor(line.length / spacing + 0.5), int(own in longest))
+        step = min(spacing, line.length) / 20  # along which its direction is taken
         for k in range(count):
             along = (k + 0.5) / count * line.length
-            place, *around = (line.interpolate(along + d * spacing / 20) for d in (0, -1, 1))
+            place, *around = (line.interpolate(along + d * step) for d in (0, -1, 1))
             dx, dy = around[1].x - around[0].x, around[1].y - around[0].y
             places.append(shapely.Point(place.x, place.y, elevation))
             rows["elevation"].append(elevation)

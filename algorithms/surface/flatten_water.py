@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -19,12 +20,13 @@ from algorithms.shared.heights import heights_problem
 from algorithms.shared.polygons import cells_within, polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
+from toolbox.data.crs import feet_of_heights
 from toolbox.declare import outputs, param, sink, source, tool
 from toolbox.errors import DataError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-LEVEL = "level"  # attribute of a polygon of water
+LEVEL, SLOPE = "level", "slope"  # attributes of a polygon of water
 
 
 @tool(
@@ -40,10 +42,13 @@ class SurfaceFlattenWater:
     are raised to the level as far as `shore` from the water, so that noise and the spacing of
     points leave no ditch around a lake; what lies lower farther away, such as the land below a dam,
     stays. How many cells were raised, and by how much at most, is told.
+
+    A river is not level: where the attribute `slope` is not 0, as `shoreline.extract` gives it with
+    `sloped`, its surface is the plane through the heights of the vertices.
     """
 
     terrain: Raster = source("Raster of heights of the ground")
-    water: Vector = source("Polygons of water")
+    water: Vector = source("Polygons of water", shapes="polygon")
     level: float | None = param(
         "Level of all water, in place of the attribute level of the polygons",
         default=None,
@@ -72,9 +77,10 @@ class SurfaceFlattenWater:
                 return "No water lies on the terrain: it is as it was."
             if not self.raised:
                 return "The water is level, and no ground at its shore lies lower."
+            unit, metres = feet_of_heights(self.flattened.crs) or ("m", 1.0)
             return (
                 f"The water is level; {self.raised} cells of the shore were lower, and raised to "
-                f"it by at most {self.largest_raise:.2f} m."
+                f"it by at most {self.largest_raise / metres:.2f} {unit}."
             )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
@@ -96,23 +102,27 @@ class SurfaceFlattenWater:
         heights = self.terrain.band().copy()
         before = heights.copy()
         lattice = Lattice.of(self.terrain)
+        east, north = lattice.centres()
         reach = math.ceil(self.shore / lattice.cell)
         wet = np.zeros(heights.shape, bool)
         bodies = list(self._bodies())
         level_bodies = 0
-        for number, (shape, level) in enumerate(bodies):
+        for number, (shape, surface) in enumerate(bodies):
             ctx.progress(number / len(bodies))
-            inside = np.zeros(heights.shape, bool)
-            inside[cells_within(shape, lattice)] = True
-            level_bodies += bool(inside.any())
-            lower = shore_below(heights, inside, level, reach)
-            heights[inside | lower] = level
-            wet |= inside
+            rows, cols = cells_within(shape, lattice)
+            if not len(rows):
+                continue
+            level_bodies += 1
+            part = tuple(slice(max(0, k.min() - reach), k.max() + reach + 1) for k in (rows, cols))
+            wet[rows, cols] = True
+            inside = np.zeros(heights[part].shape, bool)
+            inside[rows - part[0].start, cols - part[1].start] = True
+            level = surface.at(east[part[1]][None, :], north[part[0]][:, None])
+            filled = inside | shore_below(heights[part], inside, level, reach)
+            heights[part] = np.where(filled, level, heights[part])
         raised = (heights != before) & ~wet & np.isfinite(before)
         most = float(np.max((heights - before)[raised], initial=0.0))
-        if not bodies:
-            log.warning("there is no water to flatten")
-        elif apart := len(bodies) - level_bodies:
+        if apart := len(bodies) - level_bodies:
             log.warning("%d of %d bodies of water hold no cell of the terrain", apart, len(bodies))
         return self.Outputs(
             flattened=Raster.from_lattice(
@@ -127,25 +137,51 @@ class SurfaceFlattenWater:
             bodies=level_bodies,
         )
 
-    def _bodies(self) -> Iterator[tuple[shapely.Polygon, float]]:
-        """The polygons with the level of each, in the unit of the heights."""
+    def _bodies(self) -> Iterator[tuple[shapely.Polygon, Surface]]:
+        """The polygons with the surface of each, in the unit of the heights."""
         frame = self.water.frame
         for number in range(len(frame)):
-            level = self.level if self.level is not None else float(frame[LEVEL].iloc[number])
+            row = frame.iloc[number]
+            level = self.level if self.level is not None else float(row[LEVEL])
             if not math.isfinite(level):
                 raise DataError("surface.flatten_water", {"water": "a polygon has no level"})
             one = Vector(frame.iloc[[number]], name=self.water.name)
+            falls = self.level is None and float(row.get(SLOPE, 0.0)) > 0
             for shape in polygons(one, "water"):
-                yield shape, level
+                yield shape, Surface.through(shape) if falls and shape.has_z else Surface(level)
 
 
-def shore_below(heights: Array, water: Mask, level: float, reach: int) -> Mask:
+@dataclass(frozen=True)
+class Surface:
+    """A level surface of water, or the plane of a river: a height at a place, and its gradient."""
+
+    height: float
+    x: float = 0.0
+    y: float = 0.0
+    east: float = 0.0
+    north: float = 0.0
+
+    @classmethod
+    def through(cls, shape: shapely.Polygon) -> Surface:
+        """The plane of least squares through the vertices of a polygon."""
+        xyz = shapely.get_coordinates(shape.exterior, include_z=True)
+        x, y, z = xyz.mean(axis=0)
+        (east, north), *_ = np.linalg.lstsq(xyz[:, :2] - (x, y), xyz[:, 2] - z, rcond=None)
+        return cls(float(z), float(x), float(y), float(east), float(north))
+
+    def at(self, x: Array, y: Array) -> Array:
+        """Its heights at places."""
+        return self.height + self.east * (x - self.x) + self.north * (y - self.y)
+
+
+def shore_below(heights: Array, water: Mask, level: Array, reach: int) -> Mask:
     """The cells outside the water that lie lower than it and are joined to it within some cells.
 
     Parameters
     ----------
     heights : array of shape (rows, cols), NaN where not known
     water : its cells
+    level : height of its surface at each cell
     reach : cells from the water that are looked at
     """
     from scipy.ndimage import binary_dilation

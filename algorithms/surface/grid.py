@@ -112,14 +112,20 @@ class SurfaceGrid:
         default=None,
         label="Use the cells of",
     )
-    breaklines: Vector | None = source("Lines with heights that edges follow, linear", default=None)
+    breaklines: Vector | None = source(
+        "Lines with heights that edges follow, linear", default=None, shapes=("line", "polygon")
+    )
     exclusions: Vector | None = source(
         "Polygons whose points are left out; outlines with heights become breaklines",
         default=None,
         label="Areas left out",
+        shapes="polygon",
     )
     clip: Vector | None = source(
-        "Polygons outside of which cells stay empty", default=None, label="Clip to polygons"
+        "Polygons outside of which cells stay empty",
+        default=None,
+        label="Clip to polygons",
+        shapes="polygon",
     )
     method: Method = param(
         "How to interpolate, or what of each cell to take",
@@ -271,6 +277,10 @@ class SurfaceGrid:
             for band in bands:
                 if band is not None:
                     band[~inside] = np.nan
+        if self.method in STATISTICS and not ctx.window:
+            _tell_sparse(
+                bands.surface != 0 if self.method == "count" else np.isfinite(bands.surface)
+            )
         return self._packed(bands, lattice)
 
     def _samples(self, ctx: Context) -> tuple[Array, Array]:
@@ -366,3 +376,15 @@ class SurfaceGrid:
                 "cell, max_gap and radius"
             )
         return self.Outputs(surface=raster, filled_share=filled)
+
+
+def _tell_sparse(filled: NDArray[np.bool_]) -> None:
+    """Warn where cells are too small for the points: beside one with a value most have none."""
+    pairs = ((filled[:, :-1], filled[:, 1:]), (filled[:-1], filled[1:]))
+    beside = sum(int(np.count_nonzero(one)) for one, _ in pairs)
+    both = sum(int(np.count_nonzero(one & other)) for one, other in pairs)
+    if both < beside / 2:
+        log.warning(
+            "beside most cells with points are empty ones: choose larger cells, which hold a few "
+            "points each"
+        )

@@ -23,6 +23,7 @@ from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
 
 Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 CODES = 256  # that a class of LAS may have
 NONE = 0  # value of cells without a class
 WATER = 9
@@ -39,15 +40,17 @@ class SurfaceLandCover:
     First returns show what is seen from above: the crown of a tree, not the grass below. Of classes
     with as many points the one with the higher number counts. Cells without points take the class
     of the nearest one within `max_gap`. The values are the classes of LAS (2 ground, 3 to 5
-    vegetation, 6 building, 9 water), 0 for none; the table has the area of each. Points of class
-    0, never classified, take no part. The file has the colours of the classes, and the file beside
-    it that ends in .aux.xml their names, so that a GIS shows both.
+    vegetation, 6 building, 9 water), 0 for none; the table has the area of each within the extent
+    of the points. Points of class 0, never classified, take no part. The file has the colours of
+    the classes, and the file beside it that ends in .aux.xml their names, so that a GIS shows both.
 
     Water often swallows the pulses. With `water`, cells in it that are still empty are water.
     """
 
     points: PointCloud = source("Classified points")
-    water: Vector | None = source("Polygons of water, as of shoreline.extract", default=None)
+    water: Vector | None = source(
+        "Polygons of water, as of shoreline.extract", default=None, shapes="polygon"
+    )
     cell: float = parameters.cell()
     max_gap: float = param(
         "Leave empty what lies farther than this from any point",
@@ -66,7 +69,7 @@ class SurfaceLandCover:
             columns={
                 "class": Column("Class"),
                 "name": Column("Land cover"),
-                "area_m2": Column("Area", "m²", 0),
+                "area_m2": Column("Area", "m²", 1),
                 "share": Column("Share", "%", 1, 100.0),
             },
         )
@@ -75,7 +78,7 @@ class SurfaceLandCover:
             """The shares of the classes."""
             rows = sorted(self.areas.rows(), key=lambda row: -row["share"])
             parts = [f"{row['name'].lower()} {100 * row['share']:.1f} %" for row in rows]
-            return f"Seen from above: {', '.join(parts)}."
+            return f"Of the area, as seen from above: {', '.join(parts)}."
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points have classes, and the water has their CRS."""
@@ -129,7 +132,8 @@ class SurfaceLandCover:
             units=("1",),
             classes=True,
         )
-        return self.Outputs(cover=raster, areas=areas(cover, lattice.cell / cloud.metre))
+        sizes = shares_within(lattice, xy) * (lattice.cell / cloud.metre) ** 2
+        return self.Outputs(cover=raster, areas=areas(cover, sizes))
 
 
 def most_frequent(place: Ints, classes: Ints, size: int) -> Ints:
@@ -147,15 +151,38 @@ def most_frequent(place: Ints, classes: Ints, size: int) -> Ints:
     return made
 
 
-def areas(cover: Ints, cell: float) -> Table:
-    """Area in square metres, and share, of each class of cells of some metres."""
-    numbers, counts = np.unique(cover[cover != NONE], return_counts=True)
+def shares_within(lattice: Lattice, xy: Floats) -> Floats:
+    """Which share of each cell lies within the box around points, of shape (n, 2).
+
+    In a direction in which they lie in one row or column of cells, these count whole.
+
+    Examples
+    --------
+    >>> xy = np.array([[0.0, 0.5], [1.5, 2.0]])
+    >>> shares_within(Lattice.cover((0.0, 0.5, 1.5, 2.0), 1.0), xy).tolist()
+    [[1.0, 0.5], [0.5, 0.25]]
+    """
+    inner = []
+    edges = (lattice.west + lattice.cell * np.arange(lattice.cols + 1), xy[:, 0])
+    north = (-lattice.north + lattice.cell * np.arange(lattice.rows + 1), -xy[:, 1])
+    for borders, places in (north, edges):
+        one = len(borders) == 2
+        reach = np.clip(borders, places.min(), places.max())
+        inner.append(np.ones(1) if one else np.diff(reach) / lattice.cell)
+    return np.outer(*inner)
+
+
+def areas(cover: Ints, sizes: Floats) -> Table:
+    """Area, and share, of each class of cells whose areas in square metres are given."""
+    numbers = np.unique(cover[cover != NONE])
+    whole = float(sizes[cover != NONE].sum())
+    found = [(int(number), float(sizes[cover == number].sum())) for number in numbers]
     return Table.from_rows(
         {
-            "class": int(number),
-            "name": CLASSES.get(int(number), f"Class {number}"),
-            "area_m2": float(count) * cell**2,
-            "share": float(count) / float(counts.sum()),
+            "class": number,
+            "name": CLASSES.get(number, f"Class {number}"),
+            "area_m2": round(area, 2),
+            "share": round(area / whole, 4) if whole else 0.0,
         }
-        for number, count in zip(numbers, counts, strict=True)
+        for number, area in found
     )

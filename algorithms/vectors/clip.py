@@ -41,7 +41,7 @@ class VectorsClip:
     """
 
     features: Vector = source("Features to cut")
-    polygons: Vector | None = source("Polygons to clip by", default=None)
+    polygons: Vector | None = source("Polygons to clip by", default=None, shapes="polygon")
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     keep: Literal["inside", "outside"] = param("Which part to keep", default="inside")
 

@@ -11,7 +11,7 @@ import algorithms
 
 ROOT = Path(algorithms.__file__).parent
 # Beside njit itself, those that are it with what they are for.
-COMPILERS = {"njit", "helper", "exact_sums", "rough_sums"}
+COMPILERS = {"njit", "helper", "inlined", "exact_sums", "rough_sums"}
 
 each_module = pytest.mark.parametrize(
     "path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT))

@@ -336,7 +336,8 @@ def test_feet_give_the_answer_of_metres() -> None:
     ("shapes", "text"),
     [
         ([], "reference: b.gpkg has no lines"),
-        ([shapely.Point(0, 0)], "must be lines or polygons, b.gpkg holds a Point (feature 1)"),
+        ([shapely.Point(0, 0)], "reference: must be lines or polygons, b.gpkg holds a Point"),
+        ([line((0, 0), (1, 1)), shapely.Point(0, 0)], "b.gpkg holds a Point (feature 2)"),
         ([line((0, 0), (1, 1)), None], "reference: b.gpkg has no geometry in feature 2"),
         ([line((0, 0), (0, 0))], "reference: b.gpkg is not valid in feature 1: Too few points"),
         ([without_place()], "has coordinates that are no numbers (feature 1)"),

@@ -74,7 +74,7 @@ def test_nothing_found() -> None:
 
 def test_bad_layers_and_columns_are_named() -> None:
     flat = geopandas.GeoDataFrame(geometry=[shapely.Point(0, 0)], crs=CRS(32635))
-    with pytest.raises(DataError, match="LineString Z"):
+    with pytest.raises(DataError, match="wires: must be lines"):
         CompareSpans(wires=Vector(flat), reference=TRUTH)
     with pytest.raises(DataError, match="span: no column 'span'; there are span_id"):
         CompareSpans(wires=TRUTH, reference=TRUTH, span="span")

@@ -247,6 +247,17 @@ def test_land_cover_of_checkpoints_by_hand() -> None:
     assert out.errors.frame["cover"].tolist()[:2] == ["forest", "road"]  # of 0.8 and -0.3
 
 
+def test_a_blunder_among_checkpoints_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    for scatter, blunder, told in ((0.001, 0.09, False), (0.02, 0.15, False), (0.02, -3.0, True)):
+        caplog.clear()
+        errors = np.random.default_rng(2).normal(0.0, scatter, 40)
+        errors[7] = blunder
+        CompareSurfaces(surface=slope(), checkpoints=checks(errors=errors)).run()
+        assert ("1 of 40 checkpoints are ten times" in caplog.text) == told, blunder
+    assert "by -3.000 m at" in caplog.text
+    assert "The RMSE of the others is 0.019 m" in caplog.text
+
+
 def test_the_largest_errors_keep_the_names_of_the_checkpoints() -> None:
     out = CompareSurfaces(
         surface=slope(),
@@ -389,7 +400,7 @@ def test_checkpoints_in_one_corner_are_said_to_be_there(caplog: pytest.LogCaptur
     row = even.report.frame.set_index("item").loc["NVA emptiest quarter"]
     counts = np.histogram2d(*spots.T, bins=[[0, 6, 12]] * 2)[0]
     assert row["value"] == pytest.approx(counts.min() / 40)
-    assert row["note"].startswith("spread: at least 20%")
+    assert row["note"].startswith("well spread: at least 20%")
 
     crowded = placed(1 + spots * [0.4, 0.4])
     out = CompareSurfaces(surface=slope(), checkpoints=crowded).run()
@@ -466,6 +477,10 @@ def test_tables_are_metres_and_layers_feet() -> None:
     np.testing.assert_allclose(
         feet.errors.frame["error"][:8] * foot, metric.errors.frame["error"][:8], atol=1e-7
     )
+    told = feet.in_words()
+    assert f"cm ({metric.rmse / foot:.3f} us-ft)" in told
+    assert "1 m = 3.2808 us-ft; errors on its map are in us-ft." in told
+    assert "us-ft" not in metric.in_words()
 
 
 def test_histogram_counts_every_error_once() -> None:
@@ -516,7 +531,10 @@ def test_histogram_of_one_value(value: float) -> None:
             {"reference": slope(), "cover": slope(), "cover_attribute": "lc"},
             "cover: give the land cover once",
         ),
-        ({"reference": slope(), "areas": checks()}, "areas: checks.gpkg holds a Point"),
+        (
+            {"reference": slope(), "areas": checks()},
+            "areas: must be polygons, checks.gpkg holds a Point",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_by_name(more: dict[str, Any], text: str) -> None:
@@ -537,7 +555,7 @@ def test_what_does_not_fit_is_refused_by_name(more: dict[str, Any], text: str) -
 def test_checkpoints_are_points_with_heights(shape: Any, text: str) -> None:
     shapes = [shape] if shape != [] else []
     layer = Vector(geopandas.GeoDataFrame(geometry=shapes, crs=UTM), name="c.gpkg")
-    with pytest.raises(DataError, match="checkpoints: c") as error:
+    with pytest.raises(DataError, match=r"checkpoints: .*c\.gpkg") as error:
         CompareSurfaces(surface=slope(), checkpoints=layer)
     assert text in str(error.value)
 

@@ -147,7 +147,7 @@ def test_noise_widens_the_tolerance() -> None:
     """Of 16 points per cell the lowest lies 9 cm under the ground if these scatter by 5 cm."""
     xyz = plane(side=60, spacing=0.25)
     xyz[:, 2] += np.random.default_rng(8).normal(0, 0.05, len(xyz))
-    assert labels(xyz).mean() > 0.99
+    assert labels(xyz).mean() > 0.98
     low = plane(side=60, spacing=0.25)
     plants = inside(low, (20, 40, 20, 40)) & (np.arange(len(low)) % 5 == 0)
     low[plants, 2] += 0.27  # which such noise would hide, but here there is none
@@ -171,6 +171,35 @@ def test_banks_dams_steep_woods_and_hillsides_are_kept(kind: str) -> None:
     found = labels(survey.xyz)
     assert (~found[survey.ground]).mean() < 0.005
     assert found[~survey.ground].mean() < 0.03
+
+
+@pytest.mark.parametrize("seed", [8, 10])
+def test_a_bank_with_shrubs_on_its_flanks_is_ground(seed: int) -> None:
+    """1 to 2 points/m2; its top had been lost, as each way down met a shrub: a step."""
+    survey = draw("embankment", seed)
+    found = labels(survey.xyz)
+    assert (~found[survey.ground]).mean() < 0.005
+    assert found[~survey.ground].mean() < 0.15  # the lowest of the shrubs
+
+
+@pytest.mark.parametrize(("seed", "most"), [(307, 0.10), (314, 0.014)])
+def test_houses_on_steep_hillsides_stand_out_uphill(seed: int, most: float) -> None:
+    """Their roofs are level with the ground behind within metres: 13.5 and 1.7 % were wrong."""
+    survey = draw("hillside", seed)
+    ground = verdict(survey.xyz, find_terrain(survey.xyz))[0]
+    assert (ground != survey.ground).mean() < most
+
+
+def test_a_trend_is_that_of_what_is_known() -> None:
+    east = np.arange(300.0)
+    surface = np.tile(0.6 * east, (200, 1))
+    surface[:, :40] = np.nan
+    level, hillside = finding.without_trend(surface.astype(np.float32) + 3, surface)
+    assert level[100, 150] == pytest.approx(3, abs=1e-4)
+    assert hillside[100, 150]
+    assert not hillside[:, :40].any()
+    gentle = finding.without_trend(surface.astype(np.float32), 0.7 * surface)[1]
+    assert not gentle[:, 100:200].any()
 
 
 def test_of_the_face_of_a_terrace_the_upper_part_is_not_ground() -> None:
@@ -256,9 +285,9 @@ def flat(tilt: float = 0.0) -> Terrain:
     """32 x 48 m of terrain at (1000, 2000), at 10 m in the middle of its first column."""
     heights = np.tile(10 + tilt * np.arange(48, dtype=np.float32), (32, 1))
     tolerance = np.stack([np.full((4, 6), 0.3), np.ones((4, 6))]).astype(np.float32)
-    return Terrain(
-        heights, np.zeros_like(heights), tolerance, Lattice(1000, 2000, 1.0, 32, 48), 1.0
-    )
+    level, ground = np.zeros_like(heights), np.ones(heights.shape, bool)
+    lattice = Lattice(1000, 2000, 1.0, 32, 48)
+    return Terrain(heights, level, tolerance, heights, ground, lattice, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -300,6 +329,26 @@ def test_where_the_terrain_is_unknown_nothing_is_ground() -> None:
     said, sure = verdict(np.array([[1040.0, 1990.0, 10.0], [1010.0, 1990.0, 10.0]]), terrain)
     assert said.tolist() == [False, True]
     assert sure.tolist() == [1.0, 1.0]
+
+
+def terraces(bushes: bool) -> tuple[Floats, Mask]:
+    """Terraces 12 m wide between upright walls of 2 m, 8 points per m2; points above them."""
+    rng = np.random.default_rng(11)
+    xyz = np.column_stack([rng.uniform(0, 120, (8 * 120 * 120, 2)), np.full(8 * 120 * 120, 50.0)])
+    xyz[:, 2] += 2 * np.floor((xyz[:, 0] + 0.4 * xyz[:, 1]) / 12) + rng.normal(0, 0.03, len(xyz))
+    plant = bushes & (rng.random(len(xyz)) < 0.1)
+    xyz[plant, 2] += rng.uniform(0.5, 1.8, plant.sum())
+    return xyz + np.array([EAST, NORTH, 0.0]), plant
+
+
+def test_terraces_keep_their_edges() -> None:
+    """A cell of a metre that a wall parts has the foot of the wall for its lowest point."""
+    xyz, _ = terraces(bushes=False)
+    assert labels(xyz).mean() > 0.98
+    xyz, plant = terraces(bushes=True)
+    found = labels(xyz)
+    assert found[~plant].mean() > 0.975
+    assert found[plant].mean() < 0.12
 
 
 def test_confidence_of_the_tool() -> None:
@@ -365,6 +414,19 @@ def test_steps_are_the_deepest_beyond_a_slope() -> None:
     np.testing.assert_allclose(got, expected, atol=1e-5)
 
 
+def test_what_is_thin_makes_steps_for_itself_alone() -> None:
+    """Of a house of 3 cells the step is one for all; of a shrub of 2 only for the shrub."""
+    z = np.zeros((32, 32), np.float32)
+    z[10:13, 10:13] = 4.0
+    z[20:22, 20:22] = 4.0
+    z[5, 11] = np.nan
+    thin, step = finding.steps_below(z, QUIET)
+    np.testing.assert_array_equal(np.argwhere(thin), [[20, 20], [20, 21], [21, 20], [21, 21]])
+    assert (step[:, 5, 5] > 3).all()
+    assert step[0, 10, 10] < 0
+    assert step[1, 10, 10] > 3
+
+
 def test_steps_are_kept_by_cells_of_two_metres_and_their_neighbours() -> None:
     """A wall of 5 m: 4.2 m are more than a slope explains, within a metre and those next to it."""
     z = np.zeros((32, 32), np.float32)
@@ -377,7 +439,7 @@ def test_steps_are_kept_by_cells_of_two_metres_and_their_neighbours() -> None:
     np.testing.assert_allclose(step[:, 12:], -0.8)
 
 
-def brute_raised(z: Any, ground: Mask, slope: Any, step: Any) -> Floats:
+def brute_raised(z: Any, ground: Mask, slope: Any, thin: Mask, step: Any) -> Floats:
     """The verdict of `raised_share` from its description: all offsets, nothing skipped."""
     rows, cols = z.shape
     row, col = np.mgrid[0:rows, 0:cols]
@@ -410,8 +472,8 @@ def brute_raised(z: Any, ground: Mask, slope: Any, step: Any) -> Floats:
         count = int(max(abs(south), abs(east)) / 2) + 1
         part = np.arange(count + 1) / count
         i, j = (r + 0.5 + south * part).astype(int) // 2, (c + 0.5 + east * part).astype(int) // 2
-        kept = (i < step.shape[0]) & (j < step.shape[1])
-        votes[r, c] += (step[i[kept], j[kept]] > need).any()
+        kept = (i < step.shape[1]) & (j < step.shape[2])
+        votes[r, c] += (step[int(thin[r, c]), i[kept], j[kept]] > need).any()
     share: Floats = votes / np.maximum(seen.sum(axis=0), 4)
     return share
 
@@ -422,9 +484,10 @@ def test_raised_is_what_falls_off_in_all_directions(steepness: float) -> None:
     ground = np.isfinite(z) & (np.random.default_rng(7).random(z.shape) < 0.8)
     ground[:, 45:] = False
     slope = np.linspace(0, steepness, z.size, dtype=np.float32).reshape(z.shape)
-    step = finding.steep_steps(z, QUIET)
-    got = finding.raised_share(z, ground, slope, step, QUIET)
-    expected = brute_raised(z, ground, slope, step)
+    thin, step = finding.steps_below(z, QUIET)
+    assert 0.1 < thin[np.isfinite(z)].mean() < 0.9
+    got = finding.raised_share(z, ground, slope, thin, step, QUIET)
+    expected = brute_raised(z, ground, slope, thin, step)
     np.testing.assert_allclose(got, expected, atol=1e-6)
     assert (got == 0).any()
     assert len(np.unique(got)) > 8

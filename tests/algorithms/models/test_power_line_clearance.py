@@ -106,7 +106,7 @@ def test_classes_of_the_file_stay_and_what_cannot_be_told_is_unclassified(
     assert (classes[given == 64] == 64).mean() > 0.9  # its foot is ground
     assert (classes[truth == 5] == 1).all()
     assert "unclassified" in set(found["objects"].frame["kind"])
-    assert "vegetation cannot be told" in caplog.text
+    assert "vegetation that the file does not name cannot be told" in caplog.text
 
 
 def test_without_a_line_there_is_nothing_too_close(caplog: pytest.LogCaptureFixture) -> None:
@@ -114,6 +114,13 @@ def test_without_a_line_there_is_nothing_too_close(caplog: pytest.LogCaptureFixt
     found = toolbox.run(MODEL, {"points": cloud})
     assert (found["span_count"], found["object_count"]) == (0, 0)
     assert "no power line was found" in caplog.text
+
+
+def test_a_conductor_that_no_table_has_is_told_before_points_are_read(tmp_path: Path) -> None:
+    bad = tmp_path / "points.las"
+    bad.write_bytes(b"no points")
+    with pytest.raises(ParameterError, match="no conductor 'Nosuch'"):
+        toolbox.run("models.power_line_clearance", {"points": bad, "conductor": "Nosuch"})
 
 
 def test_rules_that_want_a_voltage_say_so_before_points_are_read(tmp_path: Path) -> None:

@@ -49,6 +49,35 @@ def test_a_bridge_is_no_terrain_whatever_its_class() -> None:
         assert abs(dtm(xyz, np.where(road, kind, 1)).band() - 4.5).max() < 5
 
 
+def canal() -> PointCloud:
+    """Flat land of 2 m with a canal at 0 m, which gives one return of 20, and grass on its bank."""
+    rng = np.random.default_rng(1)
+    x, y = (axis.ravel() + 0.01 for axis in np.mgrid[0:120:0.5, 0:120:0.5])
+    wet = abs(x - 60 - 0.1 * y) < 10
+    seen = ~wet | (rng.random(len(x)) < 0.05)
+    z = np.where(wet, 0.0, 2.0) + 0.02 * rng.standard_normal(len(x))
+    xyz = np.column_stack([x, y, z])[seen] + np.array([5e5, 4.6e6, 0.0])
+    brightness = np.where(wet, 10, 200)[seen].astype("u2")
+    return PointCloud(xyz, {"intensity": brightness}, crs=CRS(32635))
+
+
+def test_water_is_level_in_the_terrain_and_below_what_stands_on_it() -> None:
+    """Triangles between the shores of a canal looked like measured ground."""
+    values = {"points": canal(), "denoise": False, "image": False}
+    found, as_it_was = (
+        toolbox.run("models.terrain", {**values, "level_water": water}) for water in (True, False)
+    )
+    flat, rough = (one["dtm"].band()[60, 40:80] for one in (found, as_it_was))
+    middle = slice(20, 32)  # of 60 to 70 m along this row
+    assert np.ptp(flat[middle]) == 0
+    assert abs(flat[middle][0]) < 0.05
+    assert np.ptp(rough[middle]) > 0.02
+    assert len(found["water_bodies"]) == 1
+    assert as_it_was["water_bodies"] is None
+    top, objects = found["dsm"].band(), found["ndsm"].band()
+    np.testing.assert_allclose(objects, top - found["dtm"].band(), atol=1e-5)
+
+
 def test_noise_that_was_taken_out_is_counted() -> None:
     xyz, _ = hillside()
     noisy = np.vstack([xyz, [[20.3, 20.3, 90.0], [60.3, 30.3, 95.0], [70.3, 70.3, -40.0]]])

@@ -249,7 +249,7 @@ def test_what_is_too_large_for_paper_is_refused(tmp_path: Path) -> None:
 
 def test_lines_are_asked_for() -> None:
     square = Vector(geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 1, 1)], crs=UTM))
-    with pytest.raises(DataError, match="must hold lines and nothing else"):
+    with pytest.raises(DataError, match="line: must be lines, the layer holds a Polygon"):
         PointsProfile(points=slope(), line=square)
     with pytest.raises(DataError, match="have no length"):
         PointsProfile(points=slope(), line=line([(1, 1), (1, 1)])).run()

@@ -329,3 +329,39 @@ def test_labels_stand_on_index_contours_and_can_be_read() -> None:
     assert all(lines_there.distance(place).min() < 1e-6 for place in labels.geometry)
     assert labels["angle"].between(-90, 90).all()
     np.testing.assert_allclose(labels["angle"].abs(), 90)
+
+
+def test_each_height_of_an_index_contour_has_a_label() -> None:
+    """Three index contours of a town were shorter than half the spacing, and none had a label."""
+    z = np.tile(np.arange(21.0), (21, 1))
+    z[:, :3] = z[:, [3]]  # no line of 0
+    found = SurfaceContours(surface=raster(z)).run()
+    assert sorted(found.labels.frame["text"]) == ["10", "15", "5"]
+    np.testing.assert_allclose(found.labels.frame["angle"].abs(), 90)
+
+
+def test_a_tolerance_that_is_coarse_for_the_interval_is_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    z = np.tile(np.arange(21.0), (21, 1))
+    for interval, told in ((1.0, False), (0.5, True)):
+        caplog.clear()
+        SurfaceContours(surface=raster(z), interval=interval, smooth_tolerance=0.25).run()
+        assert ("more than a quarter of the interval" in caplog.text) == told
+
+
+@pytest.mark.parametrize(
+    ("said", "tolerance"),
+    [
+        ({}, 0.0),
+        ({"smooth_lines": True, "interval": 1.0}, 0.25),
+        ({"smooth_lines": True, "interval": 0.5}, 0.125),
+        ({"smooth_lines": True, "interval": 5.0}, 0.25),
+        ({"smooth_tolerance": 0.4}, 0.4),
+        ({"smooth_lines": True, "smooth_tolerance": 0.0}, 0.0),
+    ],
+)
+def test_smoothing_stays_within_a_quarter_of_the_interval(
+    said: dict[str, Any], tolerance: float
+) -> None:
+    assert SurfaceContours(surface=raster(np.zeros((3, 3))), **said).tolerance == tolerance

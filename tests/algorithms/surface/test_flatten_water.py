@@ -49,17 +49,23 @@ def test_heights_keep_their_unit() -> None:
     assert found.flattened.units == ("metre",)
 
 
+def test_the_largest_raise_is_told_in_the_unit_of_the_data() -> None:
+    feet = CRS(2263)
+    terrain = replace(bowl(), crs=feet)
+    found = SurfaceFlattenWater(terrain=terrain, water=pond(crs=feet)).run()
+    assert found.largest_raise == pytest.approx(1200 / 3937)
+    assert "by at most 1.00 us-ft." in found.in_words()
+
+
 def test_water_that_is_not_there_or_elsewhere_is_told(caplog: pytest.LogCaptureFixture) -> None:
     elsewhere = Vector(pond().frame.translate(1000.0).to_frame("geometry").assign(level=10.0))
     nothing = Vector(pond().frame.iloc[:0])
-    for water, says in (
-        (elsewhere, "1 of 1 bodies of water hold no cell"),
-        (nothing, "there is no water to flatten"),
-    ):
+    for water, says in ((nothing, ""), (elsewhere, "1 of 1 bodies of water hold no cell")):
         found = SurfaceFlattenWater(terrain=bowl(), water=water).run()
         assert found.bodies == 0
         assert found.in_words() == "No water lies on the terrain: it is as it was."
         assert says in caplog.text
+        assert bool(caplog.text) == bool(says), "a survey without water needs no warning"
     found = SurfaceFlattenWater(terrain=bowl(), water=pond()).run()
     assert (found.bodies, found.in_words()[:18]) == (1, "The water is level")
 
@@ -70,6 +76,22 @@ def test_lower_ground_beyond_the_shore_stays() -> None:
     found = SurfaceFlattenWater(terrain=raster(z), water=pond(), shore=2.0).run().flattened.band()
     assert (found[3:7, 7:9] == 10.0).all()
     assert (found[3:7, 9:] == 9.0).all()
+
+
+def test_a_river_is_laid_as_the_plane_through_its_vertices() -> None:
+    """A canal of one level is right at one place of a river only, and a dam at its ends."""
+    across = shapely.box(WEST, NORTH - 12, WEST + 20, NORTH - 8)
+    ring = shapely.get_coordinates(across)
+    banks = shapely.Polygon(np.column_stack([ring, 8 + 0.1 * (ring[:, 0] - WEST)]))
+    frame = geopandas.GeoDataFrame({"level": [9.0], "slope": [0.1]}, geometry=[banks], crs=UTM)
+    ground = raster(np.full((20, 20), 12.0))
+    found = SurfaceFlattenWater(terrain=ground, water=Vector(frame)).run().flattened.band()
+    expected = np.tile(8 + 0.1 * (np.arange(20) + 0.5), (4, 1))
+    np.testing.assert_allclose(found[8:12], expected, atol=1e-5)
+    level = SurfaceFlattenWater(terrain=ground, water=Vector(frame.assign(slope=0.0))).run()
+    assert (level.flattened.band()[8:12] == 9.0).all(), "a lake, whose vertices were not levelled"
+    given = SurfaceFlattenWater(terrain=ground, water=Vector(frame), level=7.0).run()
+    assert (given.flattened.band()[8:12] == 7.0).all()
 
 
 def test_a_given_level_is_that_of_all_water() -> None:

@@ -18,6 +18,7 @@ from pyproj import CRS
 from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
 from scipy.spatial import Delaunay, Voronoi, cKDTree
 
+import toolbox
 from algorithms.shared.places import averaged
 from algorithms.surface import _centre_triangles
 from algorithms.surface._gridding import Method, grid
@@ -900,3 +901,16 @@ def test_grid_is_the_tool_without_layers() -> None:
     surface = SurfaceGrid(points=points, method="idw", max_gap=2.0).run().surface
     found = grid(points.xyz[:, :2], points["z"], Lattice.of(surface), method="idw", max_gap=2.0)
     np.testing.assert_array_equal(found.surface.astype(np.float32), surface.band())
+
+
+def test_cells_too_small_for_the_points_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 40, 2.0), np.arange(0, 40, 2.0)))
+    cloud = PointCloud(np.column_stack([x, y, x]), crs=CRS(32635))
+    told = "choose larger cells"
+    for cell, method in ((2.0, "max"), (1.0, "linear"), (4.0, "count")):
+        toolbox.run("surface.grid", {"points": cloud, "cell": cell, "method": method})
+        assert told not in caplog.text, (cell, method)
+    for method in ("max", "count"):
+        caplog.clear()
+        toolbox.run("surface.grid", {"points": cloud, "cell": 1.0, "method": method})
+        assert told in caplog.text, method

@@ -28,9 +28,20 @@ def test_a_cell_has_the_class_of_most_first_returns() -> None:
     found = SurfaceLandCover(points=points).run()
     assert found.cover.band().tolist() == [[2, 5]]
     assert [(r["name"], r["area_m2"], r["share"]) for r in found.areas.rows()] == [
-        ("Ground", 1.0, 0.5),
-        ("High vegetation", 1.0, 0.5),
+        ("Ground", 0.8, 0.5714),  # from the first point, at 0.2, to the last, at 1.6
+        ("High vegetation", 0.6, 0.4286),
     ]
+
+
+def test_areas_make_up_the_extent_of_the_points() -> None:
+    """Cells on the border of a tile of 7.2 x 3.4 m counted whole: 32 m2 for 24.48."""
+    x, y = np.meshgrid(np.linspace(0.4, 7.6, 73), np.linspace(0.3, 3.7, 35))
+    points = cloud(
+        at(*zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)), [2, 6] * 1277 + [2]
+    )
+    rows = list(SurfaceLandCover(points=points).run().areas.rows())
+    assert sum(row["area_m2"] for row in rows) == pytest.approx(7.2 * 3.4)
+    assert sum(row["share"] for row in rows) == pytest.approx(1.0)
 
 
 def test_what_lies_under_a_crown_is_not_seen() -> None:

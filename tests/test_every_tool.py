@@ -162,6 +162,14 @@ SLACK = {  # of numbers that are not whole; classes have none
     "models.terrain": 0.001,  # runs it
 }
 
+CORNERS = [(500_010, 4_600_001, 20), (500_700, 4_600_020, 21), (500_020, 4_600_030, 22)]
+OF_SHAPE = {
+    "point": shapely.Point(CORNERS[0]),
+    "line": shapely.LineString(CORNERS),
+    "polygon": shapely.Polygon(CORNERS),
+}
+SHAPED = [(spec, name) for spec in TOOLS for name, f in spec.sources.items() if f.shapes]
+
 tiled = pytest.mark.parametrize(
     ("spec", "settings"), TILED, ids=lambda v: v.id if isinstance(v, Spec) else "-".join(v)
 )
@@ -503,6 +511,20 @@ def test_limits_are_enforced_by_name(spec: Spec, field: Field, block: PointCloud
     for value in beyond(field):
         with pytest.raises(ParameterError, match=rf"{field.name}: must be"):
             spec.build(FAST.get(spec.id, {}) | layers(spec, block) | {field.name: kind(value)})
+
+
+@pytest.mark.parametrize(("spec", "name"), SHAPED, ids=name_of)
+def test_features_of_another_shape_are_refused_by_name(
+    spec: Spec, name: str, block: PointCloud
+) -> None:
+    """Dialogs do not offer them, but files can be given in other ways."""
+    for shape in set(OF_SHAPE) - set(spec.sources[name].shapes):
+        columns = {"level": [20.0], "class": [2], "geometry": [OF_SHAPE[shape]]}
+        wrong = Vector(geopandas.GeoDataFrame(columns, crs=block.crs), name="wrong.gpkg")
+        given = layers(spec, block) | {name: wrong}
+        settings, _ = spec.parse(FAST.get(spec.id, {}) | REFERENCE.get(spec.id, {}), present=given)
+        with pytest.raises((DataError, ParameterError), match=rf"\b{name}: "):
+            spec.make(**settings, **given).run()
 
 
 def test_parameters_of_one_name_are_one() -> None:

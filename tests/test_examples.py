@@ -32,6 +32,7 @@ STEPS = {  # of find_terrain, each on what the one before gives
         "robust_surface",
         "slopes",
         "steep_steps",
+        "steps_below",
         "votes_of_planes",
     )
 }

@@ -28,12 +28,13 @@ from tests.bench.ground import (
     surveys,
     terrain,
 )
+from tests.bench.house_fronts import house_fronts
 from tests.bench.learning import (
     learning,
+    learning_drift,
     learning_elsewhere,
     learning_lines,
     learning_speed,
-    suggesting,
 )
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
@@ -44,6 +45,7 @@ from tests.bench.scikit import scikit
 from tests.bench.shorelines import shorelines, water_levels, waters
 from tests.bench.speed import speed
 from tests.bench.structures import structures
+from tests.bench.suggesting import suggesting
 
 ALL = (
     accuracy,
@@ -79,12 +81,14 @@ ALL = (
     corridor_real,
     corridor_settings,
     learning,
+    learning_drift,
     learning_elsewhere,
     learning_lines,
     learning_speed,
     suggesting,
     long_lines,
     facades,
+    house_fronts,
     fingerprints,
     metamorphic,
     path,
@@ -100,7 +104,9 @@ WITH_OPTIONS = (
     corridor_real,
     corridor_settings,
     figures,
+    house_fronts,
     metamorphic,
+    suggesting,
     waters,
 )
 BENCHES = {b.__name__: b for b in ALL}

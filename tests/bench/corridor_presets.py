@@ -32,6 +32,7 @@ class Row:
     Attributes
     ----------
     towers : found, true, invented, and found a second time
+    unsaid : of the invented ones, those that are said to be certain
     away : mean distance of the towers found from the true ones
     spans : found in full, true
     invented : wires that are not in the truth
@@ -44,6 +45,7 @@ class Row:
     correct: float
     complete: float
     towers: tuple[int, int, int, int]
+    unsaid: int
     away: float
     spans: tuple[int, int]
     invented: int
@@ -104,12 +106,13 @@ def measured(preset: str, seed: int) -> Row:
     near, away = towers_found(
         np.array(feet).reshape(-1, 2), shapely.get_coordinates(found.towers.frame.geometry)
     )
-    row = {
+    row: dict[str, Any] = {
         "preset": preset,
         "seed": seed,
         "correct": correct,
         "complete": complete,
         "towers": (len(away), len(feet), int((~near).sum()), int(near.sum()) - len(away)),
+        "unsaid": int((~near & (found.towers.frame["certain"] == 1).to_numpy()).sum()),
         "away": float(np.mean(away)) if len(away) else math.nan,
         "seconds": seconds,
     }
@@ -184,10 +187,13 @@ def _text(row: Row) -> str:
     towers, true, more, twice = row.towers
     text = f"{row.preset:26} seed {row.seed:3}"
     if not row.spans[1]:
-        return f"{text}  no line: wires invented {row.invented}, towers {more}"
+        return (
+            f"{text}  no line: wires invented {row.invented}, towers {more} ({row.unsaid} certain)"
+        )
     return (
         f"{text}  wires {row.correct:5.1f} / {row.complete:5.1f}"
-        f"  towers {towers:2} of {true:2}, invented {more:2}, twice {twice}, off {row.away:4.2f} m"
+        f"  towers {towers:2} of {true:2}, invented {more:2} ({row.unsaid} certain), "
+        f"twice {twice}, off {row.away:4.2f} m"
         f"  spans in full {row.spans[0]:2} of {row.spans[1]:2}, wires invented {row.invented:2}"
         f"  height RMS {row.rms:.3f} m, within 2 sigma {row.within:3.0f} %"
         f"  {row.seconds:.1f} CPU s / M points"
@@ -203,7 +209,8 @@ def _summary(rows: Sequence[Row]) -> None:
         say(
             f"presets mean of {len(lines)} scenes: wires correct {_mean(lines, 'correct'):.1f}, "
             f"complete {_mean(lines, 'complete'):.1f}, quality {_mean(lines, 'quality'):.1f}; "
-            f"towers {found} of {true}, invented {more}, twice {twice}, "
+            f"towers {found} of {true}, invented {more} "
+            f"({sum(row.unsaid for row in lines)} certain), twice {twice}, "
             f"off {_mean(lines, 'away'):.2f} m; spans in full {full} of {spans}, "
             f"wires invented {sum(row.invented for row in lines)}; "
             f"height RMS {_mean(lines, 'rms'):.3f} m, within 2 sigma {_mean(lines, 'within'):.0f} %"

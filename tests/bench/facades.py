@@ -209,11 +209,59 @@ def _worsened(table: Any, share: float, noise: float, degrees: float, seed: int)
     return some
 
 
-def _f1(xyz: Any, intensity: Any, true: list[Any]) -> str:
-    """Precision, recall and F1 of the openings of the front that holds most true ones."""
+class Score(NamedTuple):
+    """Openings that are right at an IoU of one half.
+
+    Attributes
+    ----------
+    right, true, found : numbers of openings
+    iou : median of the best of each true one
+    """
+
+    right: int
+    true: int
+    found: int
+    iou: float
+
+    @property
+    def f1(self) -> float:
+        """Harmonic mean of the shares of the true ones that are found, and of the found ones."""
+        return 2 * self.right / max(self.true + self.found, 1)
+
+
+def score(true: list[Any], found: list[Any]) -> Score:
+    """How many openings of a front are found.
+
+    Parameters
+    ----------
+    true : points of each, shape (m, 3)
+    found : corners of each, shape (m, 3); those of other fronts do not count
+    """
     import numpy as np
     import shapely
     from scipy.optimize import linear_sum_assignment
+
+    corners = np.vstack(true)
+    middle = corners[:, :2].mean(axis=0)
+    along, across = np.linalg.svd(corners[:, :2] - middle, full_matrices=False)[2]
+    found = [one for one in found if abs(((one[:, :2] - middle) @ across).mean()) < SAME_FRONT]
+    if not found:
+        return Score(0, len(true), 0, 0.0)
+
+    def hulls(shapes: list[Any]) -> Any:
+        flat = [np.column_stack([one[:, :2] @ along, one[:, 2]]) for one in shapes]
+        return np.array([shapely.convex_hull(shapely.multipoints(uv)) for uv in flat])
+
+    a, b = hulls(true)[:, None], hulls(found)[None]
+    shared = shapely.area(shapely.intersection(a, b))
+    iou = shared / (shapely.area(a) + shapely.area(b) - shared)
+    right = int((iou[linear_sum_assignment(-iou)] >= 0.5).sum())
+    return Score(right, len(true), len(found), float(np.median(iou.max(axis=1))))
+
+
+def _f1(xyz: Any, intensity: Any, true: list[Any]) -> str:
+    """Precision, recall and F1 of the openings of the front that holds most true ones."""
+    import shapely
 
     from algorithms.planes.extract import PlanesExtract
     from algorithms.planes.openings import PlanesOpenings
@@ -223,26 +271,11 @@ def _f1(xyz: Any, intensity: Any, true: list[Any]) -> str:
     columns = {} if intensity is None else {"intensity": intensity}
     planes = PlanesExtract(points=PointCloud(xyz, columns, crs=LOCAL)).run()
     out = PlanesOpenings(points=planes.segmented).run()
-    corners = np.vstack(true)
-    middle = corners[:, :2].mean(axis=0)
-    along, across = np.linalg.svd(corners[:, :2] - middle, full_matrices=False)[2]
     found = [shapely.get_coordinates(s, include_z=True) for s in out.openings.frame.geometry]
-    found = [one for one in found if abs(((one[:, :2] - middle) @ across).mean()) < SAME_FRONT]
-
-    def hulls(shapes: list[Any]) -> Any:
-        flat = [np.column_stack([one[:, :2] @ along, one[:, 2]]) for one in shapes]
-        return np.array([shapely.convex_hull(shapely.multipoints(uv)) for uv in flat])
-
-    if not found:
-        return f"0 of {len(true)} openings found"
-    a, b = hulls(true)[:, None], hulls(found)[None]
-    shared = shapely.area(shapely.intersection(a, b))
-    iou = shared / (shapely.area(a) + shapely.area(b) - shared)
-    right = int((iou[linear_sum_assignment(-iou)] >= 0.5).sum())
-    f1 = 2 * right / (len(true) + len(found))
+    made = score(true, found)
     return (
-        f"F1 {f1:.2f}: {right} of {len(true)} openings, {len(found)} found, "
-        f"median IoU {np.median(iou.max(axis=1)):.2f}, {out.dropped_count} gaps dropped"
+        f"F1 {made.f1:.2f}: {made.right} of {made.true} openings, {made.found} found, "
+        f"median IoU {made.iou:.2f}, {out.dropped_count} gaps dropped"
     )
 
 

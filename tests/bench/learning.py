@@ -45,6 +45,44 @@ def learning_elsewhere() -> None:
         _elsewhere(f"AHN to {name}", dutch, tiles[name], OBJECTS)
 
 
+def learning_drift() -> None:
+    """Which figure of drift goes with the accuracy: each tile by models of one other each."""
+    from scipy.stats import spearmanr
+
+    clouds = {name: _opened(name) for name in (*TILES, *AHN3, AHN4)}
+    found: list[dict[str, float]] = []
+    for trained, own in clouds.items():
+        made = _model([own], (1, 2, 6) if "ahn" in trained else CLASSES)
+        for name, cloud in clouds.items():
+            if name != trained and all(_has(cloud, feature) for feature in made.features):
+                found.append(_drifted(f"{trained} to {name}", made, cloud))
+    for name in found[0]:
+        rank = spearmanr([row[name] for row in found], [row["accuracy"] for row in found])
+        say(f"learning  {name}: its rank goes with that of accuracy, {rank.statistic:.2f}")
+
+
+def _drifted(title: str, made: Any, cloud: Any) -> dict[str, float]:
+    """Accuracy of ground, building and rest, in percent, and figures of drift."""
+    from algorithms.classify._learning import drift
+
+    label, given, data = _applied(made, cloud)
+    true, said = OBJECTS[label], OBJECTS[given]
+    known = np.isin(true, (1, 2, 6))
+    rows = list(drift.rows(made, data, np.searchsorted(made.classes, given)))
+    index = np.array([row["stability_index"] for row in rows])
+    row = {
+        "accuracy": 100 * float((true == said)[known].mean()),
+        "expected": 100 * float(made.probabilities(data).max(axis=1).mean()),
+        "features unlike": float(np.mean([row["verdict"] == "unlike" for row in rows])),
+        "mean stability index": float(index.mean()),
+        "median stability index": float(np.median(index)),
+        "largest stability index": float(index.max()),
+        "outside": float(drift.beyond(made, data).mean()),
+    }
+    say(f"learning  {title:70} " + ", ".join(f"{name} {value:.3g}" for name, value in row.items()))
+    return row
+
+
 def learning_lines() -> None:
     """Wires and towers of each line by a model of the other one, beside corridor.extract."""
     from algorithms.corridor.extract import CorridorExtract
@@ -75,57 +113,6 @@ def _second_opinion(title: str, true: Mask, learnt: Mask, extracted: Mask) -> No
         f"{100 * (~wrong)[differ].mean():.0f} % right; of its {wrong.sum()} errors "
         f"{100 * differ[wrong].mean():.0f} % are among them"
     )
-
-
-def suggesting() -> None:
-    """Three rounds of 20 patches of 2 m of one tile against all of it, judged on another one."""
-    from algorithms.classify._learning.features import usual
-
-    pool, other = _opened(TILES[0]), _opened(TILES[1])
-    names = usual(pool, RADII)
-    data, asked = _described(pool, names), _described(other, names)
-    label = other["classification"].astype(np.int64)
-    known = np.isin(label, CLASSES)
-
-    def accuracy(made: Any) -> float:
-        """Three classes on the other tile."""
-        given = made.classes[made.probabilities(asked[known]).argmax(axis=1)].astype(np.int64)
-        return float((MERGED[given] == MERGED[label[known]]).mean())
-
-    whole = accuracy(_learnt([data], [pool], [np.ones(len(pool), bool)], CLASSES, names))
-    say(f"learning  all of {TILES[0]}: {100 * whole:.2f} % on {TILES[1]}")
-    for title, how in (("suggested", True), ("random", False)):
-        for seed in range(3):
-            found = [accuracy(made) / whole for made in _rounds(pool, data, names, how, seed)]
-            say(f"learning  {title}, seed {seed}: {_percents(found)} % of that after each round")
-
-
-def _rounds(pool: Any, data: Any, names: Any, suggest: bool, seed: int) -> Any:
-    """Models after each of three rounds of 20 patches, suggested or by chance."""
-    import geopandas
-    import pandas
-    import shapely
-
-    from algorithms.classify.suggest import ClassifySuggest
-    from toolbox.data import Vector
-
-    made, layer = None, None
-    for round_ in range(3):
-        how: dict[str, Any] = {"wanted": 20, "patch": 2.0, "labelled": layer}
-        if suggest:
-            tool = ClassifySuggest(points=pool, model=made and made.table(), seed=seed, **how)
-            frame = tool.run().patches.frame[["geometry"]]
-        else:
-            rng = np.random.default_rng((seed, round_))
-            corners = np.unique(np.floor(pool.xyz[:, :2] / 2) * 2, axis=0)
-            shapes = [shapely.box(x, y, x + 2, y + 2) for x, y in rng.permutation(corners)[:20]]
-            frame = geopandas.GeoDataFrame(geometry=shapes, crs=pool.crs)
-        frames = [frame] if layer is None else [layer.frame, frame]
-        layer = Vector(pandas.concat(frames, ignore_index=True), geometry_type="Polygon")
-        shape = shapely.union_all(layer.frame.geometry.to_numpy())
-        inside = shapely.contains_xy(shape, *pool.xyz[:, :2].T)
-        made = _learnt([data], [pool], [inside], CLASSES, names, block=2.0)
-        yield made
 
 
 def learning_speed() -> None:
@@ -267,7 +254,8 @@ def _learnt(
     some: Any,
     codes: tuple[int, ...],
     names: Any,
-    block: float = 10.0,
+    block: float | None = 10.0,
+    seed: int = 0,
 ) -> Any:
     """The model of some points of clouds whose features are given."""
     import dataclasses
@@ -289,13 +277,13 @@ def _learnt(
     for cloud, features, own in zip(clouds, described, some, strict=True):
         label = np.where(own, cloud["classification"].astype(np.int64), -1)
         here = [code for code in codes if (label == code).any()]
-        chosen, weight = drawn(cloud.xyz, label, here, 15_000 // len(clouds), 0)
+        chosen, weight = drawn(cloud.xyz, label, here, 15_000 // len(clouds), seed)
         data = features[chosen]
         parts.append((data, np.searchsorted(codes, label[chosen]), weight, cloud.xyz[chosen, :2]))
     data, label, weight, xy = (np.concatenate(column) for column in zip(*parts, strict=True))
     points = Labelled(data, label, weight, blocks(xy, block).number)
     about = {"kind": "boosting", "classes": list(codes), "features": names, "density": 1.0}
-    how = Settings("boosting", 50, False, 0, about)
+    how = Settings("boosting", 50, False, seed, about)
     points = binned(points, how)
     made = trained(points, how)
     folds = folds_of(points.block, 2)

@@ -652,6 +652,21 @@ def check_layers_are_loaded_in_colours() -> None:
     assert colours == {"critical": "#b2182b", "low": COLOURS["other"][0]}
 
 
+def check_only_layers_of_the_declared_shapes_are_offered() -> None:
+    def offered(id: str, name: str) -> list[int]:
+        algorithm = provider.algorithm(id)
+        return list(algorithm.parameterDefinition(name).dataTypes())
+
+    assert offered("compareareas", "REFERENCE") == [QgsProcessing.SourceType.TypeVectorPolygon]
+    assert offered("compareareas", "COVERAGE") == [QgsProcessing.SourceType.TypeVectorPolygon]
+    assert offered("comparelines", "LINES") == [
+        QgsProcessing.SourceType.TypeVectorLine,
+        QgsProcessing.SourceType.TypeVectorPolygon,
+    ]
+    assert offered("comparesurfaces", "CHECKPOINTS") == [QgsProcessing.SourceType.TypeVectorPoint]
+    assert offered("vectorsclip", "FEATURES") == [QgsProcessing.SourceType.TypeVectorAnyGeometry]
+
+
 def check_a_few_bright_cells_do_not_darken_a_raster() -> None:
     place = out("bright.tif")
     made = gdal.GetDriverByName("GTiff").Create(place, 100, 100, 1, gdal.GDT_Float32)
@@ -671,6 +686,13 @@ def check_features_hide_nothing_and_index_lines_have_their_height() -> None:
     layer = square()
     styling.style(layer, COLOURS)
     assert layer.renderer().symbol().symbolLayer(0).brushStyle() == Qt.BrushStyle.NoBrush
+    seen = []
+    town = provider.algorithm("modelsurbanclasses").tool["outputs"]
+    fields = {"plain": {}} | {f["name"]: f for f in town}
+    for name in ("plain", "outlines", "tree_crowns", "water_bodies"):
+        styling.style(layer, COLOURS, fields[name])
+        seen.append(layer.renderer().symbol().symbolLayer(0).strokeColor().name())
+    assert seen == [styling.LINE, "#923a2c", "#215829", "#346592"], seen
     run("surface.grid", POINTS=CLOUD, CELL=2.0, SURFACE=out("slope.tif"))
     lines, labels = out("lines.gpkg"), out("heights.gpkg")
     run("surface.contours", SURFACE=out("slope.tif"), INTERVAL=0.5, CONTOURS=lines, LABELS=labels)
@@ -707,7 +729,7 @@ def check_what_is_told_of_results() -> None:
     ctx.addLayerToLoadOnCompletion(dtm, details)
     _, ok = model.run(values | {"POINTS": CLOUD, "CELL": 2.0, "DTM": dtm}, ctx, feedback)
     assert ok, feedback.said
-    assert {"INTERVAL", "CONTOUR_TOLERANCE"} <= values.keys()
+    assert {"INTERVAL", "CONTOUR_LENGTH"} <= values.keys()
     assert not any("is not used" in text for text in feedback.said), feedback.said
     assert ctx.layerToLoadOnCompletionDetails(dtm).name == "Terrain (DTM): punkte"
     feedback = Feedback()

@@ -523,6 +523,29 @@ def crowned(land: Land) -> None:
     land.shape = drained
 
 
+def road(land: Land) -> None:
+    """A dark road or long yard in a cutting from edge to edge, which falls along and is drained."""
+    rng, middle = land.rng, land.side / 2
+    half, deep = float(rng.uniform(3.5, 15)), float(rng.uniform(1, 4))
+    fall, across = float(rng.uniform(0.001, 0.02)), float(rng.uniform(0.015, 0.025))
+    crown = bool(rng.random() < 0.5)
+
+    def off(x: Floats, y: Floats) -> Floats:
+        return np.asarray(y - middle - 0.05 * land.side * np.sin(2 * np.pi * x / land.side))
+
+    def cut(x: Floats, y: Floats, z: Floats) -> Floats:
+        away = off(x, y)
+        drained = across * np.clip(-abs(away) if crown else away, -half, half)
+        bank = 0.5 * np.clip(abs(away) - half, 0, None)
+        floor = 98.0 - fall * x + drained
+        return np.where(bank < 0.5 * half + deep, floor + np.minimum(bank, deep), z)
+
+    def paved(x: Floats, y: Floats, cover: NDArray[np.int64]) -> None:
+        cover[abs(off(x, y)) < half] = ASPHALT
+
+    land.shape, land.cover = cut, paved
+
+
 def sports(land: Land) -> None:
     """A sports ground with a crown of 0.3 to 0.8 %, lower than the banks around."""
     _plate(land, GRASS, 0.0, crown=float(land.rng.uniform(0.003, 0.008)))
@@ -631,5 +654,5 @@ WET = (
     days_unnamed,
     plain,
 )
-DRY = (carpark, crowned, sports, cutting, rice_dry, hall, flat, bare_edge, hills)
+DRY = (carpark, crowned, road, sports, cutting, rice_dry, hall, flat, bare_edge, hills)
 KINDS: dict[str, Callable[[Land], None]] = {make.__name__: make for make in (*WET, *DRY)}

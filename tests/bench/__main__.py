@@ -42,6 +42,7 @@ from tests.bench.path import path
 from tests.bench.remote import remote
 from tests.bench.roundtrip import roundtrip
 from tests.bench.scikit import scikit
+from tests.bench.server import server
 from tests.bench.shorelines import shorelines, water_levels, waters
 from tests.bench.speed import speed
 from tests.bench.structures import structures
@@ -67,6 +68,7 @@ ALL = (
     damaged,
     roundtrip,
     scikit,
+    server,
     speed,
     chains,
     structures,

@@ -1,7 +1,8 @@
 """A queue of jobs, each a process of the command line in a folder of its own.
 
 What is known of a job is in an SQLite file, so that nothing is lost when the server is killed: jobs
-that waited or ran are done from the beginning when it starts again. A process ends with the server,
+that waited or ran are done from the beginning when it starts again. One that ran when the server
+was killed, and again, has failed: it may be what ends the server. A process ends with the server,
 since it ends when its standard input does.
 """
 
@@ -28,6 +29,7 @@ from toolbox.errors import DataError
 
 WAITS, RUNS, DONE, FAILED, DISMISSED = "accepted", "running", "successful", "failed", "dismissed"
 OPEN = (WAITS, RUNS)
+ENDED = "ended"  # of a request: whether a server was ended while the job ran
 STOPPING = 5.0  # seconds from the end of its input until a process is killed
 COLUMNS = ("process", "status", "message", "progress", "request", "result")
 TIMES = ("created", "started", "finished", "updated")
@@ -83,10 +85,21 @@ class Jobs:
         with self._db() as db:
             db.execute(f"CREATE TABLE IF NOT EXISTS jobs (id TEXT PRIMARY KEY, {columns})")
         for job in self.all(OPEN):
-            self.set(job["id"], status=WAITS, progress=0, message="waits again")
-            self.queue.put(job["id"])
+            self._begin_again(job)
         for _ in range(limits.at_once):
             threading.Thread(target=self._work, daemon=True).start()
+
+    def _begin_again(self, job: Mapping[str, Any]) -> None:
+        """Put a job of a server that has ended into the queue, unless it ran in two of them."""
+        id, request = job["id"], json.loads(job["request"])
+        if job["status"] == RUNS and request.get(ENDED):
+            text = "the server was ended twice while it ran"
+            self.set(id, status=FAILED, message=text, finished=_now())
+            shutil.rmtree(self.folder / id, ignore_errors=True)
+            return
+        told = json.dumps(request | {ENDED: request.get(ENDED) or job["status"] == RUNS})
+        self.set(id, status=WAITS, progress=0, message="waits again", request=told)
+        self.queue.put(id)
 
     @contextmanager
     def _db(self) -> Iterator[sqlite3.Connection]:

@@ -2,70 +2,23 @@
 
 from __future__ import annotations
 
-import signal
-import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import requests
 from owslib.ogcapi.processes import Processes
 from pyproj import CRS
+from scenes.jobs_server import Server, is_over
 
 from toolbox import catalog
 from toolbox.data import PointCloud
 
 pytestmark = pytest.mark.slow
 SLOW = {"kind": "town", "size": 400, "density": 20}  # a scene that takes long enough to be stopped
-
-
-class Server:
-    """A server process that can be killed and started again."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
-        self.url = f"http://127.0.0.1:{self.port}"
-
-    def start(self, *more: str) -> None:
-        where = ["--data", str(self.folder / "data"), "--state", str(self.folder / "state")]
-        argv = [sys.executable, "-m", "toolbox", "serve", *where, "--port", str(self.port), *more]
-        with (self.folder / "said.txt").open("w") as said:
-            self.process = subprocess.Popen(argv, stdout=said, stderr=subprocess.STDOUT)
-        for _ in range(600):
-            try:
-                requests.get(f"{self.url}/conformance?f=json", timeout=5)
-            except requests.ConnectionError:
-                time.sleep(0.1)
-            else:
-                return
-        raise TimeoutError
-
-    def kill(self) -> None:
-        self.process.send_signal(signal.SIGKILL)
-        self.process.wait()
-
-    def execute(self, tool: str, inputs: dict[str, Any], *, wait: bool = True) -> requests.Response:
-        headers = {} if wait else {"Prefer": "respond-async"}
-        url = f"{self.url}/processes/{tool}/execution"
-        return requests.post(url, json={"inputs": inputs}, headers=headers, timeout=300)
-
-    def job(self, place: str) -> dict[str, Any]:
-        return dict(requests.get(f"{place}?f=json", timeout=30).json())
-
-    def until(self, place: str, found: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        for _ in range(1200):
-            if found(job := self.job(place)):
-                return job
-            time.sleep(0.1)
-        raise TimeoutError(job)
 
 
 @pytest.fixture
@@ -77,10 +30,6 @@ def server(tmp_path: Path) -> Iterator[Server]:
     made.start()
     yield made
     made.kill()
-
-
-def is_over(job: dict[str, Any]) -> bool:
-    return job["status"] not in ("accepted", "running")
 
 
 def test_owslib_lists_describes_and_runs(server: Server, tmp_path: Path) -> None:
@@ -186,6 +135,24 @@ def test_nothing_is_lost_when_the_server_is_killed(server: Server) -> None:
     server.start()
     ended = [server.until(place, is_over) for place in places]
     assert [(job["status"], job["message"]) for job in ended] == 8 * [("successful", "done")]
+
+
+def test_a_killed_server_leaves_no_half_results_and_goes_on(server: Server) -> None:
+    """A job that runs when the server ends is done once more; if that ends it again, it failed."""
+    slow = server.execute("samples.scene", SLOW, wait=False).headers["Location"]
+    waits = server.execute("points.filter", {"points": {"href": "a.laz"}}, wait=False)
+    for told in ("waits again", "the server was ended twice while it ran"):
+        server.until(slow, lambda job: job["status"] == "running" and job["progress"] > 0)
+        server.kill()
+        server.start("--jobs", "1")
+        assert requests.get(f"{slow}/results?f=json", timeout=30).status_code >= 400
+        if told == "waits again":
+            assert server.job(slow)["status"] in ("accepted", "running")
+    job = server.job(slow)
+    assert (job["status"], job["message"]) == ("failed", told)
+    assert not (server.folder / "state" / "jobs" / slow.rpartition("/")[2]).exists()
+    ended = server.until(waits.headers["Location"], is_over)
+    assert (ended["status"], ended["message"]) == ("successful", "done")
 
 
 def test_limits_of_time_and_jobs(server: Server) -> None:

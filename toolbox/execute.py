@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Never
 
 from pyproj import CRS
 
@@ -32,12 +33,13 @@ from toolbox.tiles.tiling import Tiling
 
 # shares of the progress at which hashing and reading end, and writing begins
 HASH, READ, WRITE = 0.03, 0.15, 0.85
+NO_VALUES: Mapping[str, Any] = MappingProxyType({})
 
 
 @memory_named()
 def run(
     id: str,
-    values: Mapping[str, Any],
+    values: Mapping[str, Any] = NO_VALUES,
     *,
     overwrite: bool = False,
     assume_crs: str | CRS | None = None,
@@ -45,6 +47,7 @@ def run(
     tiling: Tiling | None = None,
     resume: bool = False,
     ctx: Context = QUIET,
+    **named: Never,
 ) -> Results:
     """Run a tool on files or layers.
 
@@ -66,6 +69,7 @@ def run(
         earlier run has stored for the same layers and settings (see `toolbox.runs.cache`); in
         tiles, continue a run that was stopped
     ctx : takes the progress, and may cancel the run
+    named : nothing; inputs and outputs by name belong into the dict
 
     Returns
     -------
@@ -81,6 +85,8 @@ def run(
         A source cannot be read, or holds what the tool cannot use.
     Cancelled
         `ctx` asked the run to stop; nothing was written.
+    TypeError
+        The inputs and outputs are no dict.
 
     Examples
     --------
@@ -96,6 +102,12 @@ def run(
     Traceback (most recent call last):
     toolbox.errors.UnknownResult: surface.grid has no result 'dtm', only surface, filled_share
     """
+    if named or not isinstance(values, Mapping):
+        got = ", ".join(f"{name}=..." for name in named) or repr(values)
+        raise TypeError(
+            f'{id}: give inputs and outputs in one dict, as run("{id}", {{"points": "a.laz"}}); '
+            f"got {got}"
+        )
     with listening() as warnings:
         return _run(
             id,

@@ -95,6 +95,29 @@ def told(english: str) -> str:
     return "\n".join(_line(code, line) for line in english.split("\n"))
 
 
+_MARKS = "; ", ": ", ", ", " (", " ["  # between the parts of a label
+
+
+def label(english: str) -> str:
+    """A label of a map, chart or axis in the language of the user; its parts are told one by one.
+
+    >>> label("Height nobody has translated (m)")
+    'Height nobody has translated (m)'
+    >>> with speaking("tr"):
+    ...     label("Elevation (m)")
+    'Yükseklik (m)'
+    """
+    if chosen() == "en":
+        return english
+    if (made := told(english)) != english:
+        return decimals(made)
+    for mark in _MARKS:
+        first, found, rest = english.partition(mark)
+        if found:
+            return f"{label(first)}{mark}{label(rest)}"
+    return decimals(english)
+
+
 def decimals(text: str) -> str:
     """The numbers of a text for people with the decimal sign of the language of the user.
 

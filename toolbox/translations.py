@@ -15,12 +15,14 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import polib
 
 from toolbox import catalog, language
 from toolbox.data import dxf
 from toolbox.data.asprs import CLASSES
+from toolbox.declare.show import Curve
 from toolbox.language import FOLDER
 
 CODE = Path(__file__).parent
@@ -45,10 +47,17 @@ PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
 HEADS = ["Coordinates", "Made with", "Map", "Files", "Drawings", "Left out"]  # of one word
 HEADS += ["Shows", "Source", "Crossed", "Broken", "Scale", "door?"]  # in title blocks
 HEADS += ["Wall", "Window", "Door", "elevation of fronts"]
+HEADS += ["Easting", "Northing", "East", "North", "Up", "Class", "Intensity"]  # at maps and views
 LOCAL = "local coordinates in"
 COUNTS = ["{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})"]
 COUNTS += ["{1} % are lower"]
-COUNTS += ["Front {1}", "Plane {1}", "{1} to {2} m", "place of about {1} m2 at {2},{3}"]
+COUNTS += [
+    "{1} to {2}",
+    "Front {1}",
+    "Plane {1}",
+    "{1} to {2} m",
+    "place of about {1} m2 at {2},{3}",
+]
 COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]
 SHORT = ["no rule", "not given", "near a wire", "the ground", "other objects", "another line"]
 SHORT += ["trees", "buildings", "roads", "rails", "its level", "a spreadsheet", "few returns"]
@@ -84,9 +93,19 @@ def _of_tool(id: str) -> Iterator[str]:
         spoken = (meta["value"] for meta in field["metadata"] if meta["role"] in language.SPOKEN)
         yield from spoken
     yield from (file["description"] for file in tool.get("deliver", []))
+    for field in spec.results.values():
+        yield from filter(None, (text for show in field.show for text in _in_plots(show)))
     for field in spec.inputs.values():  # words of a choice that says enough by itself
         if spec.id != "samples.scene":  # whose presets keep their names
             yield from (field.choice_title(choice) for choice in field.choices)
+
+
+def _in_plots(show: Any) -> Iterator[str]:
+    """The texts that a plot has because of how a layer is shown."""
+    yield from (name for name, _ in getattr(show, "looks", {}).values())
+    yield from (getattr(show, name, "") for name in ("label", "note", "shaded_as"))
+    axes = (show.over, *show.lines) if isinstance(show, Curve) else ()
+    yield from (axis.label for axis in axes)
 
 
 def of_code() -> list[str]:

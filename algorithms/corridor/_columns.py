@@ -23,7 +23,9 @@ LENGTHS = {
 OBJECTS = {
     **LENGTHS,
     "object_id": Column("Object"),
-    "clump": Column("Clump", meaning="Objects with the same number touch, as trees of one group"),
+    "clump": Column(
+        "Clump", meaning="Objects with the same number touch, as trees of one group", detail=True
+    ),
     "severity": Column("Severity"),
     "kind": Column("Kind"),
     "rule": Column("Rule"),

@@ -18,6 +18,7 @@ from algorithms.planes import _columns as columns
 from algorithms.planes import _parameters as options
 from algorithms.planes._fronts import (
     FRONT_COLUMNS,
+    STOREY,
     Front,
     elevation,
     front_numbers,
@@ -152,8 +153,8 @@ class PlanesExtract:
         def in_words(self) -> str:
             """How many planes, and how much lies on them."""
             return (
-                f"{self.count} planes hold {100 * self.share:.1f} % of the points; fronts, of one "
-                f"plane or several: {self.front_count}. Points lie within "
+                f"{self.count} planes hold {100 * self.share:.1f} % of the points; fronts, "
+                f"{STOREY:g} m wide and high or more: {self.front_count}. Points lie within "
                 f"{self.used_tolerance:.3f} m of their plane; their noise is {self.noise:.3f} m."
             )
 

@@ -216,14 +216,19 @@ class ShorelineStorageCurve:
             return f"The lake runs over its rim at {self.spill:.3f} m, at {at}."
 
         def not_looked_at(self) -> Iterator[str]:
-            """Ground that is missing, and levels at which the water leaves the data."""
+            """Ground under the lake or missing, and levels at which the water leaves the data."""
+            if OVERTOPPED in self.curve.frame:
+                yield (
+                    "The ground under the water was not seen: no volume below the level of the "
+                    "survey is in these figures."
+                )
             if self.missing_share:
-                share = f"{100 * self.missing_share:.2g} %"
+                share = f"{100 * self.missing_share:.3g} %"
                 yield f"{share} of the area has no ground, and holds nothing in these figures."
             if self.opens is not None and self.opens < self.curve.frame["level_m"].iloc[-1]:
                 yield (
-                    f"From {self.opens:.3f} m on the water reaches the edge of the data: what lies "
-                    "beyond was not seen, and is not in the figures."
+                    f"From {self.opens:.3f} m on the water reaches the edge of the data, or a gap "
+                    "in it: what lies there was not seen, and is not in the figures."
                 )
             if self.spill is not None and self.spill < self.curve.frame["level_m"].iloc[-1]:
                 yield (
@@ -422,8 +427,8 @@ def tell(basin: PointBasin | RasterBasin, opens: float, last: float, ground: Any
     unit = "m" if ground.metre == 1 else vertical_unit(ground.crs)
     if opens < last:
         log.warning(
-            "from %.3f %s on the water reaches the edge of the data: what lies beyond was not "
-            "seen, and is not in the figures",
+            "from %.3f %s on the water reaches the edge of the data, or a gap in it: what lies "
+            "there was not seen, and is not in the figures",
             opens,
             unit,
         )

@@ -41,7 +41,9 @@ class SurfaceFlattenWater:
     a `level` that is given for all. Cells beyond the shore that are joined to it over lower ground
     are raised to the level as far as `shore` from the water, so that noise and the spacing of
     points leave no ditch around a lake; what lies lower farther away, such as the land below a dam,
-    stays. How many cells were raised, and by how much at most, is told.
+    stays. How many cells were raised, and by how much at most, is told. Empty cells between the
+    water and the ground around it, none of them farther than `shore` from the water, get heights
+    between both: the ground at a shore is known, though no point may be near.
 
     A river is not level: where the attribute `slope` is not 0, as `shoreline.extract` gives it with
     `sloped`, its surface is the plane through the heights of the vertices.
@@ -120,6 +122,7 @@ class SurfaceFlattenWater:
             level = surface.at(east[part[1]][None, :], north[part[0]][:, None])
             filled = inside | shore_below(heights[part], inside, level, reach)
             heights[part] = np.where(filled, level, heights[part])
+            heights[part] = without_gaps(heights[part], inside, reach)
         raised = (heights != before) & ~wet & np.isfinite(before)
         most = float(np.max((heights - before)[raised], initial=0.0))
         if apart := len(bodies) - level_bodies:
@@ -193,3 +196,40 @@ def shore_below(heights: Array, water: Mask, level: Array, reach: int) -> Mask:
         if reach
         else lower & False
     )
+
+
+def without_gaps(heights: Array, water: Mask, reach: int) -> Array:
+    """Heights in which the empty cells of a shore lie between the water and the ground.
+
+    Parameters
+    ----------
+    heights : array of shape (rows, cols), NaN where not known
+    water : its cells, which have heights
+    reach : cells from the water within which all cells of a gap must lie
+
+    Examples
+    --------
+    >>> heights = np.tile([5.0, 5.0, np.nan, 7.0, 7.0], (5, 1))
+    >>> heights[[0, -1], 2] = 6.0
+    >>> without_gaps(heights, heights == 5.0, 1)[2]
+    array([5., 5., 6., 7., 7.])
+    """
+    from scipy import ndimage
+    from scipy.interpolate import LinearNDInterpolator
+
+    eight = np.ones((3, 3), bool)
+    gaps, count = ndimage.label(~np.isfinite(heights), eight)
+    if not count or not reach:
+        return heights
+    near = ndimage.binary_dilation(water, eight, iterations=reach)
+    edges = (gaps[[0, -1]], gaps[:, [0, -1]], gaps[~near])  # where a gap goes on
+    open_ = np.unique(np.concatenate([edge.ravel() for edge in edges]))
+    beside = np.unique(gaps[ndimage.binary_dilation(water, eight)])
+    closed = np.isin(gaps, np.setdiff1d(beside, open_))
+    if not closed.any():
+        return heights
+    around = ndimage.binary_dilation(closed, eight) & np.isfinite(heights)
+    between = LinearNDInterpolator(np.argwhere(around), heights[around])
+    made = heights.copy()
+    made[closed] = between(np.argwhere(closed))
+    return made

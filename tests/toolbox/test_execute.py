@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -302,6 +303,18 @@ def test_a_raster_without_a_single_value_is_told_before_all_else(
     assert said in caplog.text
     page = (tmp_path / "page.html").read_text()
     assert 0 < page.index(said[1:]) < page.index("o cell has a value in both rasters")
+
+
+def test_inputs_beside_the_dict_are_told_where_they_belong() -> None:
+    """Python named a keyword of its own, or an attribute that a text has not."""
+    call: Any = toolbox.run
+    told = 'give inputs and outputs in one dict, as run("points.info", {"points": "a.laz"}); got '
+    with pytest.raises(TypeError, match=re.escape(f"{told}points=..., cell=...")):
+        call("points.info", points="a.laz", cell=1)
+    with pytest.raises(TypeError, match=re.escape(f"{told}'a.laz'")):
+        call("points.info", "a.laz")
+    with pytest.raises(ParameterError, match="points: missing"):
+        call("points.info")
 
 
 def test_unknown_tool_is_named() -> None:

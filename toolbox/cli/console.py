@@ -87,17 +87,23 @@ class Console:
         _warn(text if level == "info" else f"{_coloured(f'{word}:', level)} {text}")
 
     def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
-        """Print the results of a tool: paths, layers and values."""
+        """Print the results of a tool: paths, layers and values; of several tables the first."""
         if self.as_json:
             values = {name: as_json(value) for name, value in outputs.items()}
             print(json_text({"id": description["id"]} | values_by_kind(values, outputs), indent=2))
             return
         if self.level == "quiet":
             return
+        tables = [name for name, value in outputs.items() if hasattr(value, "rows")]
+        folded = set(tables[1:]) if self.level != "verbose" else set()
         folder = outputs.get(DELIVER)
         for name, value in outputs.items():
             if folder is not None and type(value).__name__ == "Report":
                 continue  # what it holds is on the page of the set
+            if name in folded:
+                text = language.text("{name}: table, not printed (--{name} PATH, or --verbose)")
+                print(text.format(name=name))
+                continue
             said = description["outputs"].get(name, {})
             self._print_value(name, value, _unit(said), language.text(said.get("description", "")))
 

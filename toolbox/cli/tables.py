@@ -110,6 +110,8 @@ def _hung(head: str, text: str, indent: str, width: int) -> str:
 
 def _columns(frame: pd.DataFrame) -> Iterator[_Column]:
     """The columns, those of limits within that of their values."""
+    import pandas as pd
+
     names = [str(name) for name in frame]
     frame = frame.set_axis(names, axis=1)
     kinds = {f"{n}{kind}": kind for kind in WORDS for n in names}
@@ -126,7 +128,7 @@ def _columns(frame: pd.DataFrame) -> Iterator[_Column]:
             ends = zip(frame[name], *low_high, strict=True)
             by = WORDS[kind]
             texts = [
-                text if high != high else f"{value:.4g} ({low:.4g} to {high:.4g}{by})"  # noqa: PLR0124
+                text if pd.isna(high) else f"{value:.4g} ({low:.4g} to {high:.4g}{by})"
                 for text, (value, low, high) in zip(texts, ends, strict=True)
             ]
         if name not in limits:

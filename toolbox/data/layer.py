@@ -59,6 +59,7 @@ class Layer(Protocol):
     in_blocks : whether its file can be written block by block, so that it need not be in memory
     tools : group of the tools for such layers, of which one is called reproject; "" without
     axes : coordinates that can be used like attributes; x, y and z where each point has a height
+    numbers_in : where its numbers are, for who takes the layer for an array
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = ()
@@ -68,6 +69,7 @@ class Layer(Protocol):
     in_blocks: ClassVar[bool] = False
     tools: ClassVar[str] = ""
     axes: ClassVar[tuple[str, ...]] = ()
+    numbers_in: ClassVar[str] = ""
 
     if TYPE_CHECKING:  # attributes of some classes, and properties of others
 
@@ -82,6 +84,17 @@ class Layer(Protocol):
         @property
         def metre(self) -> float:
             """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
+
+    def __array__(self, *_: Any, **__: Any) -> NDArray[Any]:
+        """Refuse: numpy would make an array of one object.
+
+        Raises
+        ------
+        TypeError
+            Always; it says where the numbers are.
+        """
+        where = f"; {self.numbers_in}" if self.numbers_in else ""
+        raise TypeError(f"a {type(self).__name__} is no array{where}")
 
     @property
     def bounds(self) -> tuple[float, ...]:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 VALUE, UNIT = "value", "unit"
 _DIGITS = {"m": 3, "ft": 3, "m2": 2, "ft2": 2, "m3": 1, "ft3": 1, "%": 2, "deg": 4, "points": 0}
-_TELLING = 4  # digits of numbers in other units, and of ratios
+TELLING = 4  # digits of numbers in other units, and of ratios
 _OF_INTERVAL = 2  # digits of the width of an interval, so that its limits differ
 _MOST = 8  # digits after the point: a double has no more of a coordinate
 
@@ -69,12 +69,12 @@ def digits_of(values: list[float], unit: object) -> int:
     usual = _DIGITS.get(str(unit))
     if usual is None:
         whole = all(value == round(value) for value in values)
-        usual = 0 if whole else _telling(max(map(abs, values)), _TELLING)
+        usual = 0 if whole else telling(max(map(abs, values)), TELLING)
     width = max(values) - min(values)
-    needed = _telling(width, _OF_INTERVAL) if width else 0
+    needed = telling(width, _OF_INTERVAL) if width else 0
     return min(max(usual, needed), _MOST)
 
 
-def _telling(size: float, digits: int) -> int:
+def telling(size: float, digits: int) -> int:
     """Digits after the point so that a number of this size has so many that tell something."""
     return max(digits - 1 - math.floor(math.log10(size)), 0) if size else 0

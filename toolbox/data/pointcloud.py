@@ -76,6 +76,7 @@ class PointCloud(Layer):
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")
+    numbers_in: ClassVar[str] = 'take .xyz, or one attribute by its name such as cloud["intensity"]'
     SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz", COPC, ".parquet")
     NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({".parquet": PARQUET, ".ply": PLY})
     OF_LAS: ClassVar[frozenset[str]] = las_points.STANDARD  # attributes of some point format

@@ -95,6 +95,9 @@ class Raster(Layer):
     name: str = field(default="", kw_only=True)
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".tif", ".tiff")
+    numbers_in: ClassVar[str] = (
+        "take .band() for heights with NaN where cells are empty, or .values for all bands"
+    )
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "surface"
     in_blocks: ClassVar[bool] = True

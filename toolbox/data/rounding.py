@@ -1,20 +1,20 @@
 """Numbers of tables and features rounded to what measurements allow, for files that people read.
 
 Columns say what they hold by their names, as `area`, `volume_m3`, `share` or `latitude`. All others
-are lengths, heights and angles, which a survey does not know below a thousandth of their unit. Of a
+are lengths, heights and angles, which a survey does not know below a thousandth of their unit. A
+column whose largest number would be left with one digit is in another unit, and keeps four. Of a
 table of measures each row has the digits of its unit.
 """
 
 from __future__ import annotations
 
-import math
 import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from toolbox.data.crs import horizontal_crs
-from toolbox.data.measures import row_digits
+from toolbox.data.measures import TELLING, row_digits, telling
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +28,6 @@ _BY_NAME = (
     (re.compile(r"volume", re.I), 1),
     (re.compile(r"(area|_m2|_ft2|overlap)(_|$)", re.I), 2),
 )
-_SMALL = 0.01  # a column of no larger numbers would be left with one digit, and keeps four
 
 
 def rounded(frame: pd.DataFrame) -> pd.DataFrame:
@@ -41,16 +40,17 @@ def rounded(frame: pd.DataFrame) -> pd.DataFrame:
         length     area   share
     0  217.196  8983.74  0.9584
     """
+    import pandas as pd
+
     made = frame.copy()
     rows = row_digits(frame)
     for name in frame:
         column = frame[name]
         if column.dtype.kind == "f":
-            made[name] = (
-                column.round(_decimals(str(name), column))
-                if rows is None
-                else [round(value, count) for value, count in zip(column, rows, strict=True)]
-            )
+            counts = [_decimals(str(name), column)] * len(column) if rows is None else rows
+            # As texts are: of 800.0975, a little less in binary, numpy would make 800.098.
+            exact = [round(value, n) for value, n in zip(column.to_list(), counts, strict=True)]
+            made[name] = pd.Series(exact, column.index, column.dtype)
     return made
 
 
@@ -63,4 +63,5 @@ def _decimals(name: str, column: pd.Series[float]) -> int:
     usual = next((count for known, count in _BY_NAME if known.search(name)), LENGTH)
     sizes = np.abs(column.to_numpy(float, na_value=np.nan))
     largest = float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
-    return usual if largest >= _SMALL or not largest else 3 - math.floor(math.log10(largest))
+    left_with_one = 0 < round(largest * 10.0**usual, 1) < 10
+    return telling(largest, TELLING) if left_with_one else usual

@@ -48,6 +48,7 @@ class Table(Layer):
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".parquet", ".gpkg")
+    numbers_in: ClassVar[str] = "take .frame, a DataFrame of pandas"
     NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({".parquet": PARQUET})
     crs: ClassVar[None] = None
     metre: ClassVar[float] = 1.0

@@ -93,6 +93,7 @@ class Vector(Layer):
     <Vector yard.gpkg: 1 features, Polygon>
     """
 
+    numbers_in: ClassVar[str] = "take .frame, a GeoDataFrame"
     SUFFIXES: ClassVar[tuple[str, ...]] = (
         *_DRIVERS,
         ".kmz",

@@ -35,7 +35,7 @@ from toolbox.errors import DataError, nearest
 from toolbox.pictures.charts import Bars, Curves, Sections
 from toolbox.pictures.features import Coloured, Colouring
 from toolbox.pictures.images import Bounds, Image, cloud_image, raster_image
-from toolbox.pictures.maps import Drawn, Panel, arrange, in_proportion
+from toolbox.pictures.maps import Drawn, Panel, arrange, in_proportion, say
 from toolbox.pictures.matrix import Square
 
 _DPI = 140
@@ -97,6 +97,7 @@ def png(layers: Mapping[str, Any | Shown], *, record: str = "") -> bytes:
     FigureCanvasAgg(figure)
     for panel, place in zip(panels, arrange(figure, panels), strict=True):
         panel.draw_on(figure, place)
+    say(figure)
     texts = {"Software": None} | ({CHUNK: checked(record)} if record else {})
     made = io.BytesIO()
     figure.savefig(made, dpi=_DPI, metadata=texts, format="png")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from toolbox import language
 from toolbox.data import Vector
 from toolbox.data.crs import length_problem, vertical_unit
 from toolbox.declare.show import Isolines, Texts, colour_of
@@ -151,6 +152,18 @@ def fractions(figure: Figure, box: Box) -> Box:
     """A box in inches as fractions of the figure."""
     width, height = (float(inches) for inches in figure.get_size_inches())
     return box[0] / width, box[1] / height, box[2] / width, box[3] / height
+
+
+def say(figure: Figure) -> None:
+    """Put all texts of a figure into the language of the user."""
+    from matplotlib.text import Text
+
+    if language.chosen() == "en":
+        return
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        if text.get_text():
+            text.set_text(language.label(text.get_text()))
 
 
 # Keys --------------------------------------------------------------------------------------

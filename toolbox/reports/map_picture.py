@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from toolbox.pictures.images import Image, Ramp
-from toolbox.pictures.maps import INK, round_length
+from toolbox.pictures.maps import INK, round_length, say
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,6 +66,7 @@ def map_png(data: Mapping[str, Any], image: Image | None, width: float = WIDTH) 
             handles=handles, loc="upper left", ncols=columns, fontsize=7, frameon=False
         )
         key.set_bbox_to_anchor((0, below))
+    say(figure)
     made = io.BytesIO()
     how: dict[str, Any] = {"bbox_inches": "tight", "metadata": {"Software": None}}
     figure.savefig(made, dpi=_DPI, format="png", **how)

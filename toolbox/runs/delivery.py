@@ -191,8 +191,9 @@ def write(
     said = _said(spec, notes.how)
     found = {n: v.with_head(said) if isinstance(v, Layer) else v for n, v in found.items()}
     readme_path = notes.resolved
-    made = {path.name for path in more.own_files} | {
-        t.resolved.name for t in kept.values() if t.resolved
+    of_tiles = {path.name for path in more.own_files}
+    made = {t.output for t in kept.values()} | {
+        one.output for one in spec.deliver if one.file in of_tiles
     }
     # Those that were left out may stand there from an earlier run, which is replaced as a whole.
     old = {t.resolved: t.own_files for n, t in others.items() if n in left_out and t.resolved}
@@ -256,7 +257,7 @@ def _entry(
 ) -> Entry:
     layer = found.get(one.output)
     size = layer.size() if isinstance(layer, Layer) else None
-    reason = left_out.get(f"{DELIVER} {one.key}", "" if one.file in made else "not made in tiles")
+    reason = left_out.get(f"{DELIVER} {one.key}", "" if one.output in made else NOTHING)
     columns = _columns(spec, one.output, layer) if isinstance(layer, Table | Vector) else ()
     entry = Entry(one.file, str(one.options.get("layer", "")), one.help, size, reason, columns)
     if size is not None and read is not None and spec.results[one.output].kind.word == "PointCloud":

@@ -42,6 +42,21 @@ def test_water_is_level_and_no_shore_is_lower() -> None:
     assert (z[0] == 12.0).all()
 
 
+def test_gaps_at_the_shore_lie_between_water_and_ground() -> None:
+    """Two empty cells at the shore of a real lake made a storage curve end at the edge of data."""
+    z = np.where(bowl().band() == 9.0, 12.0, bowl().band())
+    z[2, 4:6] = z[12, 12] = np.nan  # at the shore, and in the land
+    found = SurfaceFlattenWater(terrain=raster(z), water=pond()).run().flattened.band()
+    assert ((found[2, 4:6] > 10.0) & (found[2, 4:6] < 12.0)).all()
+    assert np.isnan(found[12, 12])
+    z[2, 4:] = np.nan  # goes on to the edge of the data
+    found = SurfaceFlattenWater(terrain=raster(z), water=pond()).run().flattened.band()
+    assert np.isnan(found[2, 4:]).all()
+    z[2, 17:] = 12.0  # farther from the water than the shore is wide
+    found = SurfaceFlattenWater(terrain=raster(z), water=pond()).run().flattened.band()
+    assert np.isnan(found[2, 4:17]).all()
+
+
 def test_heights_keep_their_unit() -> None:
     """A report said no unit, and no range in words, of a terrain that had lost it."""
     terrain = replace(bowl(), units=("metre",))

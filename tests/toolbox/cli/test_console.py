@@ -116,6 +116,29 @@ def test_a_table_that_fits_stays_in_one_piece() -> None:
     assert fitted(frame, WIDTH).splitlines() == ["level  area", "  1.5    10", "  2.5   200"]
 
 
+@pytest.mark.parametrize("level", ["normal", "verbose"])
+def test_of_several_tables_the_first_is_printed(
+    level: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Comparisons printed four tables, and the figures of the first once more among them."""
+    table = Table(pd.DataFrame({"measure": ["bias", "rmse"], "value": [0.1, 0.2]}))
+    Console(level).result({"id": "a.b", "outputs": {}}, {"table": table, "covers": table, "n": 2})
+    said = capsys.readouterr().out
+    assert said.startswith("table:\nmeasure  value\nbias       0.1\n")
+    line = "covers: table, not printed (--covers PATH, or --verbose)\nn: 2\n"
+    assert said.endswith(line) == (level == "normal")
+    assert said.count("bias") == (1 if level == "normal" else 2)
+
+
+def test_limits_that_are_not_known_are_not_printed() -> None:
+    """A class without a limit ended compare.classes with a message of Python."""
+    frame = pd.DataFrame({"f1": [1.0, 0.5], "f1_low": [None, 0.4], "f1_high": [None, 0.6]})
+    assert fitted(frame.astype(object), WIDTH).splitlines()[1:] == [
+        "1",
+        "0.5 (0.4 to 0.6)",
+    ]
+
+
 def test_a_long_table_is_cut_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     table = Table(pd.DataFrame({"row": range(33)}))
     Console().result({"id": "a.b", "outputs": {}}, {"histogram": table})

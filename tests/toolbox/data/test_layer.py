@@ -141,3 +141,18 @@ def test_a_notebook_shows_a_table() -> None:
 )
 def test_a_layer_is_shown_in_one_line(layer: Layer, text: str) -> None:
     assert repr(layer) == text
+
+
+@pytest.mark.parametrize(
+    ("layer", "says"),
+    [
+        (LAYERS["cells"], r"a Raster is no array; take .band\(\) for heights"),
+        (LAYERS["points"], "a PointCloud is no array; take .xyz, or one attribute"),
+        (LAYERS["squares"], "a Vector is no array; take .frame, a GeoDataFrame"),
+        (LAYERS["rows"], "a Table is no array; take .frame, a DataFrame"),
+    ],
+)
+def test_a_layer_taken_for_an_array_says_where_its_numbers_are(layer: Layer, says: str) -> None:
+    for how in ({}, {"dtype": float}):
+        with pytest.raises(TypeError, match=says):
+            np.asarray(layer, **how)

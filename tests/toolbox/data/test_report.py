@@ -122,6 +122,21 @@ def test_a_wide_table_is_printed_with_columns_as_wide_as_their_texts() -> None:
     assert "<col style=" not in report.html()
 
 
+@pytest.mark.parametrize(
+    ("columns", "size"),
+    [(10, 7.5), (20, 762 / 0.6 / (20 * (3 + 6))), (40, 6.0)],
+)
+def test_a_wide_table_is_printed_as_large_as_fits(columns: int, size: float) -> None:
+    """Lists of objects stood on four pages in 6 points, whatever there was room for."""
+    rows = [{f"of_{k}": 1000.25 + k + n for k in range(columns)} for n in range(3)]
+    block = Rows(Table.from_rows(rows))
+    assert block.font_size == pytest.approx(size)
+    report = Report("Line", [Section("Spans", [block])])
+    paper = render(report, style=None, logo=None, on_paper=True)
+    assert f'<table style="font-size: {size:.1f}pt">' in paper
+    assert "<table>" in report.html()
+
+
 def wide(rows: int, **columns: Column) -> Rows:
     """A table of twelve columns, in two of which all rows say the same."""
     named = {f"measure_{k}": 10.0 + k for k in range(9)}

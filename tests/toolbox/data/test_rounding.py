@@ -22,6 +22,24 @@ SHOWN = {"length": 217.196, "area_m2": 8983.74, "volume": 12345.7, "seen_share":
 SHOWN |= {"latitude": 46.63254012, "level": 500.0, "tiny": 0.0001235}
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "shown"),
+    [
+        ("length", 0.0123456, 0.012),
+        ("curvature", 0.000741234, 0.0007412),
+        ("area", 0.0512345, 0.05123),
+        ("share", 0.00512345, 0.0051),
+        ("volume", 0.0, 0.0),
+        ("level", 800.0975, 800.097),  # as in words: a level stood with two values in one set
+    ],
+)
+def test_a_column_that_would_have_one_digit_keeps_four(
+    name: str, value: float, shown: float
+) -> None:
+    """By the digits that its unit has: of shares, with four decimals, 0.0051 are two."""
+    assert rounded(Table.from_rows([{name: value}]).frame)[name].tolist() == [shown]
+
+
 def features() -> Vector:
     place = shapely.Point(230137.4012345, 562668.6754321, 28.766000000000002)
     rows = {name: [value] for name, value in {**TOLD, "points": 7, "kind": "tree"}.items()}

@@ -317,6 +317,30 @@ def test_the_same_in_tiles(points: Path, tmp_path: Path) -> None:
     assert np.array_equal(*bands, equal_nan=True)
 
 
+@pytest.mark.parametrize("tiled", [False, True])
+def test_a_layer_of_a_step_that_is_off_is_not_said_to_be_there(
+    tiled: bool, model: str, points: Path, tmp_path: Path
+) -> None:
+    """The README of a town in tiles named a layer of water that nobody had looked for."""
+    from toolbox.tiles.tiling import Tiling
+
+    more = "    more: {tool: surface.contours, when: {from: inputs.more}, "
+    more += "surface: {from: top.surface}}"
+    text = MODEL.replace("    named:", f"{more}\n    named:")
+    text = text.replace(
+        "steps:\n  top", "  more: {type: boolean, default: false, help: More}\nsteps:\n  top"
+    )
+    text += "    - {file: lines.gpkg, from: more.contours, layer: more, help: More lines}\n"
+    Path(model).write_text(text)
+    tiling = Tiling.parse({"tile": 20, "workers": 1}) if tiled else None
+    toolbox.run(model, {"points": points, "deliver": tmp_path / "out"}, tiling=tiling)
+    files, _, left_out = (tmp_path / "out" / "README.txt").read_text().partition("Left out\n")
+    assert "contours: Lines [7]" in files
+    assert "More lines" not in files
+    why = " ".join(left_out.split())
+    assert "lines.gpkg, more (More lines): nothing of this kind was asked for or found" in why
+
+
 def test_the_same_bytes_again_and_by_replay(
     model: str, points: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

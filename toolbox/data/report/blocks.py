@@ -23,6 +23,9 @@ _GAP = 3  # characters between the columns of a printed table
 _LONGEST_WORD = 11  # characters of a heading before it is hyphenated in print
 _LONGEST_TEXT = 26  # characters of a text in print before it goes on in another line
 _WIDE = 9  # columns; a table of more is printed on a page of its own, across
+_ACROSS = 762  # points of a line on A4 across, without the margins of style.css
+_LETTER = 0.6  # width of a letter to its size: digits have 0.56 in Arial, 0.64 in DejaVu Sans
+_SMALLEST, _LARGEST = 6.0, 7.5  # points: as small as is read in print, and that of other tables
 _MOST_PRINTED = 100  # rows, two to three pages; all of them are in the file of the layer
 _NAMING = 1  # column that says which row it is, and is shown also where all rows are alike
 _NAMED = ("measure", "meaning")  # columns that hold names of measures
@@ -213,7 +216,18 @@ class Rows:
 
     @property
     def widths(self) -> list[float]:
-        """Share of the width of a page that each column needs, in percent: by its longest text.
+        """Share of the width of a page that each column needs, in percent."""
+        most = self._needed
+        return [100 * one / sum(most) for one in most]
+
+    @property
+    def font_size(self) -> float:
+        """Size of the print of a wide table in points: as large as its texts allow."""
+        return min(max(_ACROSS / (_LETTER * sum(self._needed)), _SMALLEST), _LARGEST)
+
+    @cached_property
+    def _needed(self) -> list[int]:
+        """Characters that each column needs in print: by its longest text.
 
         Headings break between words, and long texts in lines.
         """
@@ -221,11 +235,10 @@ class Rows:
         words = [max(len(word) for word in heading) for heading in headings]
         columns = zip(*self.cells_on(paper=True), strict=True)
         texts = [max(map(len, column)) for column in columns] or words
-        most = [
+        return [
             _GAP + max(min(word, _LONGEST_WORD), min(text, _LONGEST_TEXT))
             for word, text in zip(words, texts, strict=True)
         ]
-        return [100 * one / sum(most) for one in most]
 
 
 @dataclass(frozen=True)

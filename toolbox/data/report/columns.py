@@ -70,8 +70,8 @@ class Column:
 COMMON: Mapping[str, Column] = {
     **{name: Column(name, "", 2) for name in ("x", "y", "z")},
     **{name: Column(name.capitalize(), "", 2) for name in ("easting", "northing", "elevation")},
-    "latitude": Column("Latitude", "°", 6),
-    "longitude": Column("Longitude", "°", 6),
+    "latitude": Column("Latitude", "°", 6, detail=True),
+    "longitude": Column("Longitude", "°", 6, detail=True),
     "id": Column("Number"),
     "span_id": Column("Span"),
     "wire_id": Column("Wire"),

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from toolbox.data.report.document import Report
 
 _HERE = Path(__file__).parent
+_NAMES = "name", "label", "low", "high"  # of what plots draw, and _CLASSES of its colours
+_AXES, _CLASSES = "axes", "classes"
 _IMAGES = {".png": "png", ".svg": "svg+xml", ".jpg": "jpeg", ".jpeg": "jpeg"}
 
 
@@ -130,12 +132,20 @@ def _words() -> dict[str, str]:
     }
 
 
-def _drawn(data: Mapping[str, Any]) -> dict[str, Any]:
-    """What a plot draws, with the names of images and layers in the language of the user."""
-    made = dict(data)
-    for part in {"bases", "layers"} & data.keys():
-        made[part] = [one | {"name": language.told(one["name"])} for one in data[part]]
-    return made
+def _drawn(data: Any, of: str = "") -> Any:
+    """What a plot draws, with names and labels in the language of the user.
+
+    Parameters
+    ----------
+    of : name of the data in what they are a part of
+    """
+    if isinstance(data, Mapping):
+        return {name: _drawn(part, name) for name, part in data.items()}
+    if of == _CLASSES:
+        return [[language.label(name), colour] for name, colour in data]
+    if isinstance(data, list) and (of == _AXES or isinstance(next(iter(data), 0), dict)):
+        return [_drawn(part, of) for part in data]
+    return language.label(data) if of in (*_NAMES, _AXES) else data
 
 
 def _cell(text: str) -> str:

@@ -527,6 +527,26 @@ def test_edges_are_found_where_the_noise_mixes_panes_with_the_wall() -> None:
     np.testing.assert_allclose(out.openings.frame.height, 1.5, atol=0.12)
 
 
+def test_panes_that_the_plane_of_the_wall_holds_stand_back_all_the_same() -> None:
+    """Panes 7 cm behind a wall with noise of 2 cm, which return one pulse in five.
+
+    A third of what is seen of them is within the tolerance of the wall, 5.8 cm, and of its plane.
+    """
+    rng = np.random.default_rng(5)
+    boxes = [(left, 1.0, left + 1.2, 2.5) for left in (1.0, 3.5, 6.0, 8.5)]
+    u, v = rng.random((2, 20_000)) * [[11], [4]]
+    pane = np.any([(u > a) & (u < c) & (v > b) & (v < d) for a, b, c, d in boxes], axis=0)
+    seen = ~pane | (rng.random(len(u)) < 0.2)
+    depth = np.where(pane, 0.07, 0.0) + rng.normal(0, 0.02, len(u))
+    wall = np.column_stack([u, depth, v])[seen]
+    ground = np.column_stack([*(rng.random((2, 5_000)) * [[11], [-8]]), np.zeros(5_000)])
+    ids = np.append(np.abs(wall[:, 1]) < 0.058, np.full(len(ground), 2)).astype(np.int32)
+    out = found(PointCloud(np.vstack([wall, ground]) + FAR, {"plane_id": ids}, crs=UTM))
+    assert out.count == 4
+    np.testing.assert_allclose(out.openings.frame.width, 1.2, atol=0.07)
+    np.testing.assert_allclose(out.openings.frame.height, 1.5, atol=0.07)
+
+
 @pytest.mark.slow
 def test_a_front_with_truth() -> None:
     """No curtain is left, all openings are found, edges in sight within 3 cm."""

@@ -652,6 +652,29 @@ def check_layers_are_loaded_in_colours() -> None:
     assert colours == {"critical": "#b2182b", "low": COLOURS["other"][0]}
 
 
+def check_legends_are_short_and_classes_have_their_names() -> None:
+    """A legend said "z (max) minus z (linear)" and 124.875544; a land cover was a ramp."""
+    dtm, cover = out("ends.tif"), out("cover.tif")
+    run("surface.grid", POINTS=CLOUD, CELL=2.0, SURFACE=dtm)
+    layer = QgsRasterLayer(dtm, "dtm")
+    styling.style(layer, COLOURS)
+    shown = layer.renderer().shader().rasterShaderFunction()
+    low, high = shown.minimumValue(), shown.maximumValue()
+    written = shown.legendSettings().numericFormat()
+    assert 1 < high - low < 10, (low, high)
+    assert written.numberDecimalPlaces() == 2
+    assert styling._in_words("z (linear)") == "Elevation"
+    assert styling._in_words("z (max) minus z (linear)") == "Difference of heights"
+    assert styling._in_words("intensity (mean)") == "intensity (mean)"
+    run("surface.land_cover", POINTS=CLOUD, COVER=cover)
+    layer = QgsRasterLayer(cover, "cover")
+    styling.style(layer, COLOURS)
+    found = {c.value: (c.label, c.color.name()) for c in layer.renderer().classes()}
+    names = {code: (label, colour) for code, label, colour in COLOURS["classification"]}
+    assert found.keys() == {2, 6}, found
+    assert all(found[code] == names[code] for code in found), found
+
+
 def check_only_layers_of_the_declared_shapes_are_offered() -> None:
     def offered(id: str, name: str) -> list[int]:
         algorithm = provider.algorithm(id)

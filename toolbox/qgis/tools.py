@@ -36,7 +36,7 @@ TAGS = ("lidar", "las", "laz", "point cloud")
 ASSUME_CRS = "assume_crs"
 GRID = find(Raster)
 SHOWN_OF_SET = (".tif", ".gpkg", ".laz")  # files of the set that is handed over
-LOOKS = ("classes", "isolines", "texts")  # how a layer may be drawn
+LOOKS = ("classes", "colour", "isolines", "texts")  # how a layer may be drawn
 SHOWN_AT_ONCE = 12  # inputs of a dialog; optional ones after these are "advanced"
 
 

@@ -39,3 +39,15 @@ def test_the_first_result_that_every_qgis_shows_is_written() -> None:
     assert first("classify.buildings") == ["classified", "outlines"]
     assert first("points.filter") == ["kept"]
     assert first("surface.contours") == ["contours"]
+
+
+@pytest.mark.parametrize("id", ["models.urban_classes", "models.terrain", "models.facade"])
+def test_layers_of_a_set_look_like_the_same_results_alone(id: str) -> None:
+    """Water, crowns and buildings of a town in a folder were all drawn in one blue."""
+    looks = {"classes", "colour", "isolines", "texts"}
+    outputs = {o["name"]: o for o in tool(catalog.load(id))["outputs"]}
+    layers = [layer for layer in outputs["deliver"]["layers"] if layer["name"]]
+    assert layers
+    for layer in layers:
+        alone = outputs[layer["name"]]
+        assert {k: layer.get(k) for k in looks} == {k: alone.get(k) for k in looks}

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 from qgis.core import (
+    QgsBasicNumericFormat,
     QgsCategorizedSymbolRenderer,
+    QgsColorRampLegendNodeSettings,
     QgsColorRampShader,
     QgsContrastEnhancement,
     QgsFillSymbol,
@@ -26,6 +29,7 @@ from qgis.core import (
     QgsMarkerSymbol,
     QgsMessageLog,
     QgsNullSymbolRenderer,
+    QgsPalettedRasterRenderer,
     QgsPalLayerSettings,
     QgsProcessingLayerPostProcessorInterface,
     QgsProperty,
@@ -54,6 +58,7 @@ OF_GEOMETRY = {  # names of settings
     QgsWkbTypes.GeometryType.LineGeometry: "VECTOR_LINE_STYLE",
     QgsWkbTypes.GeometryType.PolygonGeometry: "VECTOR_POLYGON_STYLE",
 }
+OF_Z = re.compile(r"\bz \(\w+\)")  # heights and how they were gridded
 MOST = 20  # distinct values of such an attribute
 LINE, THIN, HEAVY, DOT = "#1f3a5f", 0.15, 0.5, 2.0  # colour as in our plots; millimetres
 TEXT, EDGE = 7.0, 0.7  # points, and millimetres around letters
@@ -79,7 +84,7 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
     def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
         node = context.project() and context.project().layerTreeRoot().findLayer(layer)
         if node and layer.type() == QgsMapLayerType.RasterLayer:  # which says "Band 1: ... (Gray)"
-            QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, _band(layer))
+            QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, _in_words(_band(layer)))
         try:
             if not has_style_of_user(layer, *self.output):
                 style(layer, self.colours, self.field)
@@ -136,6 +141,9 @@ def style(layer: Any, colours: dict[str, Any], field: Mapping[str, Any] = PLAIN)
 
 
 def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
+    if layer.dataProvider().colorTable(1):
+        _palette(layer, colours["classification"])
+        return
     name, words = _band(layer).lower(), colours["bands"]
     stats = layer.dataProvider().bandStatistics(
         1,
@@ -167,9 +175,37 @@ def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
         layer.elevationProperties().setEnabled(True)
 
 
+def _palette(layer: Any, looks: Any) -> None:
+    """The colours of the file for the values that are there, with the names of our classes."""
+    names = {code: label for code, label, _ in looks}
+    provider, palette = layer.dataProvider(), QgsPalettedRasterRenderer
+    there = {int(one.value) for one in palette.classDataFromRaster(provider, 1)}
+    classes = [
+        palette.Class(int(one.value), one.color, names.get(int(one.value), one.label))
+        for one in provider.colorTable(1)
+        if int(one.value) in there
+    ]
+    layer.setRenderer(palette(provider, 1, classes))
+
+
+def _legend(low: float, high: float) -> Any:
+    """How a legend writes the ends of a range: with three digits that tell something."""
+    written, settings = QgsBasicNumericFormat(), QgsColorRampLegendNodeSettings()
+    written.setNumberDecimalPlaces(max(0, 2 - math.floor(math.log10(high - low))))
+    written.setShowThousandsSeparator(False)
+    settings.setNumericFormat(written)
+    return settings
+
+
 def _band(layer: Any) -> str:
     """The description of the first band, without the number that QGIS puts before it."""
     return str(layer.bandName(1).partition(": ")[2])
+
+
+def _in_words(band: str) -> str:
+    """The description of a band for a legend: of heights not how their cells were made."""
+    words = {"z": language.text("Elevation"), "z minus z": language.text("Difference of heights")}
+    return words.get(OF_Z.sub("z", band), band)
 
 
 def _grey(layer: Any, low: float, high: float) -> None:
@@ -181,6 +217,7 @@ def _grey(layer: Any, low: float, high: float) -> None:
     stretch.setMinimumValue(low)
     stretch.setMaximumValue(high)
     renderer.setContrastEnhancement(stretch)
+    renderer.setLegendSettings(_legend(low, high))
     layer.setRenderer(renderer)
 
 
@@ -189,6 +226,7 @@ def _ramp(layer: Any, colours: Any, low: float, high: float) -> None:
     step = (high - low) / (len(colours) - 1)
     shown = QgsColorRampShader(low, high)
     shown.setColorRampType(QgsColorRampShader.Type.Interpolated)
+    shown.setLegendSettings(_legend(low, high))
     shown.setColorRampItemList(
         [
             QgsColorRampShader.ColorRampItem(

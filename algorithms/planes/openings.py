@@ -540,10 +540,13 @@ class _Seen(NamedTuple):
 
     @property
     def spacing(self) -> float:
-        """Distance from one point on the wall to the next, in the unit of the points."""
+        """Distance from one point on the wall to the next, in the unit of the points.
+
+        Of a wall too sparse to have an outline that of its neighbours is the larger one.
+        """
         walls = int(np.count_nonzero(self.relief.own))
         bare = self.made.wall.area - sum(one.shape.area for one in self.made.found)
-        return math.sqrt(max(bare, 0.0) / max(walls, 1))
+        return max(math.sqrt(max(bare, 0.0) / max(walls, 1)), self.relief.apart)
 
 
 def told_of(shape: Any, spacing: float) -> float:

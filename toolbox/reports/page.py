@@ -99,7 +99,8 @@ def said(
 ) -> tuple[str, Head]:
     """What a run says in words: its result, and the head of a report with facts and warnings.
 
-    A report among the results sums up all of them; else the steps say theirs one by one.
+    A report among the results sums up all of them; else the steps say theirs one by one. What a
+    warning says is not said once more.
     """
     reports = [value for value in found.values() if isinstance(value, Report)]
     summaries = [report.summary for report in reports if report.summary]
@@ -112,8 +113,10 @@ def said(
         *told.unseen,
         *(text for report in reports for text in report.head.unseen),
     ]
-    facts = facts_of(spec, found, record, told.given)
-    return summary, _head(facts, told.warnings, unseen)
+    head = _head(facts_of(spec, found, record, told.given), told.warnings, unseen)
+    warned = {text.rstrip(".").casefold() for text in head.warnings}
+    lines = summary.splitlines()
+    return "\n".join(line for line in lines if line.rstrip(".").casefold() not in warned), head
 
 
 def framed(report: Report, spec: Spec, record: Record | None, told: Told | None) -> Report:

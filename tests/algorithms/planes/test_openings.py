@@ -273,6 +273,16 @@ def test_points_too_far_apart_for_openings_are_told(caplog: pytest.LogCaptureFix
     assert 0.1 < wall < 0.3
 
 
+def test_a_wall_too_sparse_to_have_an_outline_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Of a front of 150 m² an outline of 13 m² was left, and its points stood 0.05 m apart."""
+    points = PointCloud(scene("facade", size=30.0, density=8.0, seed=0).xyz, crs=UTM)
+    out = PlanesOpenings(points=PlanesExtract(points=points).run().segmented).run()
+    (wall,) = out.elevation.frame.loc[out.elevation.frame["kind"] == "facade", "spacing"]
+    assert 0.3 < wall < 0.7
+    assert "the points of front 1 are" in caplog.text
+    assert (out.openings.frame["certainty"] < 1).all()
+
+
 def test_what_an_opening_is_found_by_and_what_was_dropped() -> None:
     out = found(front())
     frame = out.openings.frame.set_index("kind")

@@ -254,3 +254,13 @@ def test_what_a_warning_says_is_not_said_again_of_what_was_not_looked_at() -> No
     )
     report = page(catalog.load("surface.grid"), {}, None, told)
     assert list(report.head.unseen) == ["Voids are counted whether they are water or not."]
+
+
+def test_what_a_warning_says_is_not_said_again_in_the_result() -> None:
+    """Clearances of kinds without a rule stood twice on the first page."""
+    spec = catalog.load("points.filter")
+    report = Report("Line", [], summary="Spans: 2.\nNear a wire: tree 0.22 m.\nPoints: 5.")
+    told = Told(warnings=["near a wire: tree 0.22 m"])
+    summary, head = said(spec, {"report": report}, None, told)
+    assert summary == "Spans: 2.\nPoints: 5."
+    assert list(head.warnings) == ["near a wire: tree 0.22 m"]

@@ -468,9 +468,6 @@ class Lines:
         "m",
         "from wires within which are their points: of clean single ones, of bundles and noisy ones",
     )
-    much_more: float = tried(
-        1.1, "1", "times the length of wires, for which a larger tolerance is taken"
-    )
     fewest_carriers: int = unlikely(3, "bodies", "below the wires of a ropeway")
     carriers_per_wire: float = built(0.5, "bodies", "below each wire of a ropeway")
 

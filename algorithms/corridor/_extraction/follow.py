@@ -51,7 +51,7 @@ from algorithms.corridor._extraction.supports import (
     may_hold,
     supports_of,
 )
-from algorithms.corridor._extraction.towers import all_centred
+from algorithms.corridor._extraction.towers import all_centred, compared
 from algorithms.corridor._settings import SETTINGS
 from toolbox.context import Context
 
@@ -79,8 +79,8 @@ def follow(
     """The conductors of all spans, and the supports between them.
 
     How far points lie off their wires depends on the scanner, and on whether the conductors are
-    bundles. So wires are followed at each of several tolerances, and each line is taken at the
-    least at which most of it is found.
+    bundles. So wires are followed at each of several tolerances, and each span is taken at that
+    for which its points tell most.
 
     Parameters
     ----------
@@ -209,7 +209,10 @@ def lines_among(
     structures = [line.is_structure(corridor) for line in here]
     for line, is_structure in zip(here, structures, strict=True):
         corridor.left_out += [wire.curve for wire in line.wires if is_structure]
-    return [line for line, is_it in zip(here, structures, strict=True) if not is_it], supports
+    kept = [line for line, is_it in zip(here, structures, strict=True) if not is_it]
+    return [
+        replace(line, supports=compared(corridor, line.wires, line.supports)) for line in kept
+    ], supports
 
 
 def hung(
@@ -257,6 +260,21 @@ class Line:
     def length(self) -> float:
         """Metres of conductor along which points are known."""
         return sum(wire.seen_length for wire in self.wires)
+
+    def evidence(self, corridor: Corridor) -> float:
+        """Logarithm of how much likelier its points lie on its wires than by chance around them.
+
+        On a wire they scatter as normal errors do, by its root mean square; by chance they lie
+        anywhere in the disc in which a wire stands alone. Each is of what is likelier. Supports of
+        which unlikely few points are seen tell against it.
+        """
+        found = sum(support.chance for support in self.supports)
+        for wire in self.wires:
+            rms = max(wire.curve.rms, SETTINGS.arcs.least_scatter)
+            away = on_wire(corridor, wire)[1] / rms
+            gain = 2 * math.log(SETTINGS.curves.clutter_radius / rms) - away**2
+            found += float(np.maximum(gain, 0.0).sum())
+        return found
 
     def is_no_accident(self, corridor: Corridor) -> bool:
         """Whether points that happen to lie so would not look like it."""
@@ -306,16 +324,17 @@ def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
 
 
 def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> list[Line]:
-    """Of spans at a smaller and a larger tolerance, the larger where they find much more.
+    """Of spans at a smaller and a larger tolerance, those for which the points tell more.
 
-    Spans that share most of their points are compared. A span does not find more by reaching over
-    a support, along what the other tolerance finds as the next span. Wires that only the others
-    find are kept.
+    Spans that share most of their points are compared. A span has no more by reaching over a
+    support, along what the other tolerance finds as the next span. Where a support is in a wrong
+    place, the points lie farther from the arcs, and so tell less though they may be more. Wires
+    that only the others find are kept.
     """
     spans = [[one for line in lines for one in spans_apart(line)] for lines in (narrow, wide)]
     chosen, spare = [], []
-    for same, other, length in same_spans(corridor, *spans):
-        more = length > SETTINGS.lines.much_more * sum(one.length for one in same)
+    for same, other, evidence in same_spans(corridor, *spans):
+        more = evidence > sum(one.evidence(corridor) for one in same)
         chosen += other if more else same
         spare += same if more else other
     taken = np.zeros(len(corridor.air.xyz), bool)
@@ -345,8 +364,7 @@ def same_spans(
 ) -> Iterator[tuple[list[Line], list[Line], float]]:
     """Groups of spans at both tolerances that have most of the points of one in common.
 
-    With them comes how many metres of conductor the wide ones find, without what is on narrow ones
-    of other groups.
+    With them comes the evidence for the wide ones, without what is on narrow ones of other groups.
     """
     points = [[on_any(corridor, span.wires) for span in spans] for spans in (narrow, wide)]
     of_span = np.full(len(corridor.air.xyz), -1)
@@ -363,12 +381,12 @@ def same_spans(
     for number in range(label.max() + 1 if count else 0):
         here = np.flatnonzero(label == number).tolist()
         other = [k - len(narrow) for k in here if k >= len(narrow)]
-        length = 0.0
+        evidence = 0.0
         for k in other:
             group = of_group[points[1][k]]
             elsewhere = np.count_nonzero((group >= 0) & (group != number))
-            length += wide[k].length * (1 - elsewhere / max(1, len(group)))
-        yield [narrow[k] for k in here if k < len(narrow)], [wide[k] for k in other], length
+            evidence += wide[k].evidence(corridor) * (1 - elsewhere / max(1, len(group)))
+        yield [narrow[k] for k in here if k < len(narrow)], [wide[k] for k in other], evidence
 
 
 def rest_of(corridor: Corridor, line: Line, taken: NDArray[np.bool_]) -> list[Wire]:

@@ -76,7 +76,7 @@ class Wire:
 def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:
     """Indices of the points on a wire, their distances, and the largest distance allowed."""
     least, most = (
-        SETTINGS.arcs.smooth * wire.tolerance,
+        SETTINGS.arcs.smooth * min(wire.tolerance, SETTINGS.lines.tolerances[0]),
         SETTINGS.spans.on_wire_most * wire.tolerance,
     )
     radius = min(max(SETTINGS.spans.on_wire * wire.curve.rms, least), most)

@@ -49,6 +49,8 @@ class Support:
     legs : offsets along `across` of its bodies: two of a frame
     sd_along : standard deviation of its place along the line, metres; infinite if not known
     cuts : alignment and number of the cuts at which it stands
+    chance : logarithm of the probability that no more of it is seen, by what is seen of the others
+        of its line; 0 where enough is seen, or where nothing tells how much should be
     """
 
     x: float
@@ -62,6 +64,7 @@ class Support:
     legs: tuple[float, ...] = (0.0,)
     sd_along: float = math.inf
     cuts: frozenset[tuple[int, int]] = frozenset()
+    chance: float = 0.0
 
 
 def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterator[Hint]:

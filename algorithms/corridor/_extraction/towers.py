@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import pdtr
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
@@ -293,6 +294,24 @@ def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
         if width > SETTINGS.towers.lattice_width and height < SETTINGS.supports.tallest_pole
         else width
     )  # of trees around a pole
+
+
+def compared(
+    corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
+) -> list[Support]:
+    """The supports of a line, each with the chance that so few of its points are seen.
+
+    A survey sees about as much of each, so the number of points is that of a Poisson distribution
+    about the median of the others. A support is in doubt only where it hardly shows.
+    """
+    take(corridor, wires)
+    points = np.array([len(tower_of(corridor, support).points) for support in supports])
+    found = list(supports)
+    for k in np.flatnonzero(points < SETTINGS.towers.known_by_points).tolist():
+        if len(others := np.delete(points, k)):
+            chance = float(pdtr(points[k], np.median(others)))
+            found[k] = replace(found[k], chance=math.log(max(chance, np.finfo(float).tiny)))
+    return found
 
 
 # --- wires that end at their insulators ----------------------------------------------------

@@ -17,8 +17,9 @@ from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.corridor._extraction import follow
 from algorithms.corridor._extraction.follow import Line, Tried, better, seen_supports, together
-from algorithms.corridor._extraction.spans import Wire, cut
+from algorithms.corridor._extraction.spans import Wire, cut, on_wire
 from algorithms.corridor._extraction.supports import Hint, Support, abreast, pole_near
+from algorithms.corridor._extraction.towers import compared
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
 from algorithms.samples.scene import SamplesScene
@@ -59,6 +60,45 @@ def test_a_span_does_not_find_more_by_reaching_over_its_support() -> None:
 def _hung(curve: Catenary) -> Catenary:
     """A curve so flat that points of both spans lie on it."""
     return replace(curve, curvature=1 / 4000)
+
+
+def test_supports_in_wrong_places_are_not_taken_for_the_sake_of_more_wire() -> None:
+    """Of the right spans the ends are not known; arcs to a support 6 m off lie 0.2 m off."""
+    right = [replace(w, known=(5.0, 55.0)) for w in spans((0, 60), (60, 120)).wires]
+    wrong = [raised(w, 0.2) for w in spans((0, 66), (66, 120)).wires]
+    assert (
+        lengths(narrow := Line([raised(w, 0.01) for w in right], []), Line(wrong, [])) == [60] * 2
+    )
+    assert narrow.length < 0.9 * sum(w.seen_length for w in wrong)
+    bare = replace(support_at(60), chance=-1000.0)
+    held = [replace(raised(w, 0.01), supports=(0, -1)) for w in spans((0, 60), (60, 120)).wires]
+    assert lengths(Line(held, [bare]), Line(wrong, [])) == [54, 66]
+
+
+def raised(one: Wire, up: float) -> Wire:
+    """A wire so much above its points, which it says to be its scatter."""
+    curve = _hung(one.curve)
+    higher = replace(curve, z_start=curve.z_start + up, z_end=curve.z_end + up, rms=up)
+    return replace(one, curve=higher)
+
+
+def test_a_support_is_in_doubt_if_less_is_seen_of_it_than_of_the_others() -> None:
+    poles = [bar((x, 0.0, 0.0), (x, 0.0, 9.0), 1.0) for x in (0.0, 30.0, 60.0)]
+    supports = [support_at(x) for x in (0, 30, 60, 90)]
+    *seen, bare = compared(corridor_of(*poles), [], supports)
+    assert [one.chance for one in seen] == [0.0] * 3
+    assert -12 < bare.chance < -6  # 8 or 9 points are seen of the others, and log P(0) = -8 or -9
+    assert compared(corridor_of(*poles), [], supports[3:])[0].chance == 0.0  # there are no others
+
+
+def test_points_are_on_a_wire_by_its_scatter_however_wide_it_was_followed() -> None:
+    """A twig 0.2 m off is none of a clean wire's."""
+    points = WIRE[0] + np.array([0.0, 0.0, 0.2])
+    wide = replace(spans((0, 60)).wires[0], tolerance=0.625)
+    one = replace(wide, curve=replace(_hung(wide.curve), rms=0.03))
+    assert len(on_wire(corridor_of(points), one)[0]) < 0.05 * len(points)
+    rough = replace(one, curve=replace(one.curve, rms=0.1))
+    assert len(on_wire(corridor_of(points), rough)[0]) > 0.9 * len(points)
 
 
 def piece_of(points: Floats, arc: tuple[int, int]) -> tuple[Corridor, Piece]:

@@ -20,7 +20,7 @@ from scipy.ndimage import binary_dilation, binary_opening, find_objects, label, 
 from scipy.special import ndtr
 
 from algorithms.planes._fronts import Front
-from algorithms.planes._glass import glass
+from algorithms.planes._glass import MOSTLY, glass
 from algorithms.planes._outlines import View
 from algorithms.shared.windows import between
 
@@ -127,8 +127,12 @@ def relief_of(
     view = View.of(front.plane, xyz[members])
     uv, away = view.flat(xyz), -front.plane.distances(xyz)
     parts = [_plane(k, uv, away, ids, shades) for k in front.members]
-    panes = glass(parts, uv, ids, largest, recess)
-    walls = _walls([part for part in parts if part.number not in panes], largest, recess, least)
+    panes = glass(parts, uv, away, ids, largest, recess)
+    shares = {part.number: float(panes[ids == part.number + 1].mean()) for part in parts}
+    glazed = [number for number, share in shares.items() if share > 0]
+    ids = np.where(panes, 0, ids)
+    bare = [part for part in parts if shares[part.number] <= MOSTLY]
+    walls = _walls(bare, largest, recess, least)
     own = np.isin(ids, np.array(walls.planes) + 1)
     apart = _apart(uv[own])
     side = math.sqrt(PER_CELL) * apart
@@ -146,7 +150,9 @@ def relief_of(
     # Points of panes in the depth of the wall are no edge of it.
     back = (states == BEHIND)[row * inside, column * inside]
     on_wall &= ~(inside & back & (told > -SURE))
-    return Relief(view, uv, behind, on_wall, apart, step, side, states, panes)
+    if panes.any():  # frames are narrower than squares, which hold their sides, too
+        states.flat[place[on_wall & (place >= 0) & (told < -SURE)]] = WALL
+    return Relief(view, uv, behind, on_wall, apart, step, side, states, glazed)
 
 
 def _states(

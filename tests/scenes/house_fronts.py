@@ -274,8 +274,11 @@ def _curtain_wall(house: House, style: _Style) -> None:
                 "transom", (0.0, -deep, z + spandrel), (size, 0.0, z + spandrel + wide), **solid
             )
     if chance:
-        glass = (0.0, 0.0, 0.0), (size, 0, 0), (0, 0, top)
-        house.face("glass", *glass, **GLASS, chance=chance)
+        bays = int(size // BAY)
+        ends = [*(bay * BAY for bay in range(bays)), size]
+        for bay, (x1, x2) in enumerate(itertools.pairwise(ends)):  # a face of all bays is opaque
+            glass = (x1, 0.0, 0.0), (x2 - x1, 0, 0), (0, 0, top)
+            house.face("glass", *glass, bay=bay, **GLASS, chance=chance)
     for column, storey in itertools.product(range(panels), range(STOREYS)):
         x1, x2 = column * pitch + wide, (column + 1) * pitch
         z1 = storey * style.storey + wide + spandrel

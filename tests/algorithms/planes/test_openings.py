@@ -660,6 +660,32 @@ def test_panels_of_a_curtain_wall_are_openings_and_its_glass_is_told(
     assert "front 1 is a curtain wall: plane 1 is taken for glass" in caplog.text
 
 
+def test_bands_below_the_panes_of_a_curtain_wall_are_wall() -> None:
+    """In the plane of the glass, of which they hold most points; frames are a scan column wide."""
+    x, z = (
+        grid.ravel() for grid in np.meshgrid(np.arange(0, 6.05, 0.04), np.arange(0, 9.05, 0.04))
+    )
+    beside = np.abs(x / 1.5 - np.round(x / 1.5)) * 1.5
+    column, row = beside < 0.01, np.min([z % 3, (z - 1) % 3], axis=0) < 0.07
+    frame, band = column | row, z % 3 < 1
+    seen = frame | band | (np.random.default_rng(3).random(len(x)) < 0.1)
+    wall = np.column_stack([x, np.where(frame, 0.0, 0.06), z])[seen]
+    # The sides of the frames have more points than their fronts.
+    step = np.arange(0.01, 0.06, 0.01)
+    ends = np.array([(a, up) for a in np.arange(0, 6.1, 1.5) for up in np.arange(0, 9.05, 0.04)])
+    sides = np.column_stack(
+        [np.repeat(ends[:, 0] + 0.02, 5), np.tile(step, len(ends)), np.repeat(ends[:, 1], 5)]
+    )
+    u, v = (grid.ravel() for grid in np.meshgrid(np.arange(0, 6, 0.1), np.arange(-8, 0, 0.1)))
+    xyz = np.vstack([wall, sides, np.column_stack([u, v, 0 * u])])
+    numbers = [np.where(frame[seen], 2, 1), np.zeros(len(sides)), np.full(len(u), 3)]
+    ids = np.concatenate(numbers).astype(np.int32)
+    frame = found(PointCloud(xyz, {"plane_id": ids}, crs=LOCAL)).openings.frame
+    assert len(frame) == 12
+    assert frame.width.between(1.4, 1.5).all()
+    assert frame.height.between(1.85, 2.0).all()
+
+
 def test_panels_with_as_many_points_as_their_frames_are_wall(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

@@ -50,7 +50,7 @@ HEADS += ["Wall", "Window", "Door", "elevation of fronts"]
 HEADS += ["Easting", "Northing", "East", "North", "Up", "Class", "Intensity"]  # at maps and views
 LOCAL = "local coordinates in"
 COUNTS = ["{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})"]
-COUNTS += ["{1} % are lower"]
+COUNTS += ["{1} % are lower", "{1} water bodies"]
 COUNTS += [
     "{1} to {2}",
     "Front {1}",

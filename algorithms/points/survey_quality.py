@@ -24,7 +24,7 @@ from algorithms.shared.ground import taking_part, without_withheld
 from algorithms.shared.windows import between
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
-from toolbox.data.crs import vertical_unit
+from toolbox.data.crs import in_feet, vertical_unit
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
@@ -127,10 +127,12 @@ class PointsSurveyQuality:
 
         def in_words(self) -> str:
             """Density, voids and strips."""
+            density = in_feet(self.mean_density, self.density.crs, -2)
+            spacing = in_feet(self.spacing, self.density.crs)
             return (
-                f"The survey has {self.mean_density:.1f} pulses per square metre, "
-                f"{self.spacing:.2f} m apart; {100 * self.void_share:.2f} % of it are voids. "
-                f"{self._strips_in_words()}"
+                f"The survey has {self.mean_density:.1f} pulses per square metre{density}, "
+                f"{self.spacing:.2f} m{spacing} apart; {100 * self.void_share:.2f} % of it are "
+                f"voids. {self._strips_in_words()}"
             )
 
         def _strips_in_words(self) -> str:

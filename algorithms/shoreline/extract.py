@@ -27,7 +27,7 @@ from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell, warn_of
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Vector
-from toolbox.data.crs import short_height_unit
+from toolbox.data.crs import in_feet, short_height_unit
 from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -148,8 +148,10 @@ class ShorelineExtract:
                 float(self.water.frame[name].iloc[0]) for name in ("level", "level_interval")
             )
             unit = short_height_unit(self.water.crs)
+            feet = in_feet(self.area, self.water.crs, 2)
+            reach = f"{self._area_reach:.0f} m²{in_feet(self._area_reach, self.water.crs, 2)}"
             words = (
-                f"{bodies} of {self.area:.0f} m² in all, {self._area_reach:.0f} m² more or less; "
+                f"{bodies} of {self.area:.0f} m²{feet} in all, {reach} more or less; "
                 f"{which} is {f'{level:.3f} {unit}'.rstrip()}"
             )
             if not math.isfinite(interval):

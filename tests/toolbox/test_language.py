@@ -112,6 +112,18 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
             "ölçüm içinde ± 0.001 m (% 95 aralıkları); ölçümün tüm yüksekliklerinde ortak olan "
             "bir hata buna eklenir.",
         ),
+        (  # data in feet
+            "3 water bodies of 2874 m² (30935 ft²) in all, 138 m² (1485 ft²) more or less; the "
+            "level of the largest is 411.087 ft.",
+            "3 su kütlesi, toplam 2874 m² (30935 ft²), 138 m² (1485 ft²) fazla veya eksik; en "
+            "büyüğünün seviyesi 411.087 ft.",
+        ),
+        (
+            "The survey has 2.2 pulses per square metre (0.20/ft²), 0.68 m (2.23 ft) apart; "
+            "0.10 % of it are voids. 2 strips overlap on 30 % of it.",
+            "Ölçmede metrekareye 2.2 (0.20/ft²) atım var, 0.68 m (2.23 ft) aralıklı; % 0.10 "
+            "kadarı boşluk. 2 şerit, ölçmenin % 30 kadarında örtüşüyor.",
+        ),
         ("5 % are lower", "% 5 daha düşük"),
         (
             "well spread: at least 20% of them belong in each quarter; fewest in the north-west",

@@ -283,6 +283,30 @@ def feet_of_heights(crs: CRS | None) -> tuple[str, float] | None:
     return None if unit in ("m", "") else (unit, UNITS_OF_LENGTH[unit])
 
 
+def in_feet(size: float, crs: CRS | None, power: int = 1) -> str:
+    """A length, area (power 2) or density (-2) of metres in the feet of the data, in brackets.
+
+    Returns
+    -------
+    str
+        Empty where the data are in no feet.
+
+    Examples
+    --------
+    >>> in_feet(0.68, CRS(2222)), in_feet(100.0, CRS(2222), 2), in_feet(2.0, CRS(2263), -2)
+    (' (2.23 ft)', ' (1076 ft²)', ' (0.19/us-ft²)')
+    >>> in_feet(100.0, CRS(32635), 2)
+    ''
+    """
+    metres = metres_per_unit(crs) if length_problem(crs) is None else 1.0
+    unit = unit_of(metres)
+    if not unit.endswith("ft"):
+        return ""
+    own = size / metres**power
+    said = {1: f"{own:.2f} {unit}", 2: f"{own:.0f} {unit}²", -2: f"{own:.2f}/{unit}²"}
+    return f" ({said[power]})"
+
+
 def has_heights(crs: CRS) -> bool:
     """Whether a CRS says what heights are measured from.
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pyproj import CRS
 
+import toolbox
 from algorithms.points.survey_quality import PointsSurveyQuality
 from toolbox.data import PointCloud
 from toolbox.errors import NothingToDo
@@ -98,6 +101,15 @@ def test_the_table_has_square_metres_of_data_in_feet() -> None:
     (row,) = quality(feet, cell=2.0).by_strip.rows()
     assert row["per_m2"] == pytest.approx(4.0, rel=1e-3)
     assert row["spacing_m"] == pytest.approx(0.5, rel=1e-3)
+
+
+def test_words_have_the_feet_of_the_data_beside_metres(tmp_path: Path) -> None:
+    feet = strip(7, 0, 24).with_xyz(strip(7, 0, 24).xyz / 0.3048).with_crs(CRS(2994))
+    place = tmp_path / "a.html"
+    made = toolbox.run("points.survey_quality", {"points": feet, "cell": 2.0, "page": place})
+    density, spacing = made["mean_density"], made["spacing"]
+    said = f"{density:.1f} pulses per square metre ({density * 0.3048**2:.2f}/ft²), "
+    assert f"{said}{spacing:.2f} m ({spacing / 0.3048:.2f} ft) apart" in place.read_text()
 
 
 def test_rough_cells_are_not_compared() -> None:

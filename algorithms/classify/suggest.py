@@ -2,10 +2,12 @@
 
 References
 ----------
-Zhdanov, F. (2019). Diverse mini-batch active learning. arXiv:1901.05954: of the most uncertain
-ones, those in the middle of weighted clusters.
+Wei, K., Iyer, R. and Bilmes, J. (2015). Submodularity in data subset selection and active learning.
+ICML, PMLR 37, 1954-1963: what is chosen covers what is uncertain, and nothing twice.
+Nemhauser, G. L., Wolsey, L. A. and Fisher, M. L. (1978). An analysis of approximations for
+maximizing submodular set functions. Mathematical Programming 14, 265-294: one after the other.
 Settles, B. (2009). Active learning literature survey. University of Wisconsin-Madison, Computer
-Sciences Technical Report 1648: uncertainty.
+Sciences Technical Report 1648: entropy as uncertainty.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning.model import Trained, problems
 from algorithms.shared import parameters
+from algorithms.shared.chance import random_keys
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Table, Vector
@@ -30,7 +33,8 @@ from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
 
 FEWEST = 5  # points of a patch
-MORE = 10  # times as many uncertain patches as are wanted compete by their variety
+KINDS = 100  # of points, by their features; with 30 unlike points are of one kind
+SAMPLE = 20_000  # points that kinds are found in, 200 for each
 COLUMNS = {
     "rank": Column("Rank"),
     "uncertainty": Column("Uncertainty", "%", 1, 100.0),
@@ -51,16 +55,18 @@ Ints = NDArray[np.int64]
 class ClassifySuggest:
     """Suggest the patches of ground whose labels would teach a model most.
 
-    The ground is cut into squares of `patch`. How uncertain a patch is says `model`: the mean over
-    its points of how far the most probable class is from certain. Of the most uncertain ones, ten
-    times as many as are wanted, those are taken that differ in their features: one in the middle
-    of each of as many clusters as patches are wanted. Without a model, for the first round, only
-    the variety counts.
+    The ground is cut into squares of `patch`. The points are sorted into 100 kinds by their
+    features. Patches are taken one after the other, each time the one whose labels would add most:
+    of each kind the logarithm of the points that are labelled then, so that one more tells less
+    where many of its kind are labelled, by `labelled` or in a patch taken before. Kinds count by
+    how unsure `model` is of their points (the sum of the entropies of their probabilities); without
+    a model, for the first round, all kinds count the same.
 
     Open `patches` in QGIS beside the points, label the points in them (or fill in `class` where a
     patch is all of one class, for `areas` of classify.train), train, and ask again with the new
     model and the patches labelled so far as `labelled`, which are not suggested again. `rank` is
-    the order by uncertainty.
+    the order in which they are taken; `uncertainty` is the mean over the points of how far the most
+    probable class is from certain.
     """
 
     points: PointCloud = source("Points of which some are to be labelled")
@@ -77,7 +83,7 @@ class ClassifySuggest:
 
     @outputs
     class Outputs:
-        patches: Vector = sink("Squares to label, the most uncertain first", columns=COLUMNS)
+        patches: Vector = sink("Squares to label, the most telling first", columns=COLUMNS)
         uncertainty: float | None = sink(
             "Mean over all points of how far the most probable class is from certain", unit="%"
         )
@@ -110,9 +116,9 @@ class ClassifySuggest:
         chance = np.ones((len(data), 1)) if made is None else made.probabilities(data)
         squares = Squares.of(chosen.xyz[:, :2], self.patch)
         doubt = 1.0 - chance.max(axis=1)
-        found = squares.described(data, chance)
-        free = (squares.count >= FEWEST) & ~self._taken(squares)
-        order = suggested(found, squares.mean(doubt[:, None])[:, 0], free, self.wanted, self.seed)
+        taken = self._taken(squares)
+        held = Held.of(squares, kinds(chosen.xyz, data, self.seed), chance)
+        order = suggested(held, taken, (squares.count >= FEWEST) & ~taken, self.wanted)
         ctx.progress(1.0)
         rows = list(self._rows(squares, order, doubt, chance, made))
         return self._outputs(rows, 100 * float(doubt.mean()) if made else None)
@@ -184,46 +190,88 @@ class Squares:
         sums = [np.bincount(self.own, column, len(self.count)) for column in values.T]
         return np.asarray(np.column_stack(sums) / self.count[:, None])
 
-    def described(self, data: NDArray[np.float32], chance: Floats) -> Floats:
-        """What the points of each square are like: means of scaled features and probabilities."""
-        seen = [column[np.isfinite(column)] for column in data.T]
-        middle = [float(np.median(column)) if len(column) else 0.0 for column in seen]
-        known = np.where(np.isfinite(data), data, middle)
-        low, high = np.quantile(known, (0.05, 0.95), axis=0)
-        scaled = np.clip((known - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0)
-        features = self.mean(scaled) / np.sqrt(data.shape[1])  # all of them count as one class does
-        return np.hstack([features, self.mean(chance)])
+
+@dataclass(frozen=True)
+class Held:
+    """How many points of each kind each square holds, where it holds any.
+
+    Attributes
+    ----------
+    square, kind, count : index of the square, index of the kind, and points, arrays of one length
+    weight : what each kind counts
+    squares : their number
+    """
+
+    square: Ints
+    kind: Ints
+    count: Ints
+    weight: Floats
+    squares: int
+
+    @classmethod
+    def of(cls, squares: Squares, kind: Ints, chance: Floats) -> Held:
+        """Kinds of n points, which count by the entropy of the points' probabilities (n, k)."""
+        from scipy.special import entr
+
+        pairs, count = np.unique(squares.own * KINDS + kind, return_counts=True)
+        told = np.bincount(kind, entr(chance).sum(axis=1), KINDS).astype(float)
+        weight = told if told.any() else np.ones(KINDS)
+        return cls(pairs // KINDS, pairs % KINDS, count, weight, len(squares.count))
+
+    def within(self, some: NDArray[np.bool_]) -> Floats:
+        """Points of each kind in some squares."""
+        own = some[self.square]
+        return np.asarray(np.bincount(self.kind[own], self.count[own], len(self.weight)))
+
+    def added(self, labelled: Floats) -> Floats:
+        """What each square adds to points of each kind that are labelled."""
+        before = labelled[self.kind]
+        gain = np.log1p(self.count / (1.0 + before))  # log(1 + before + count) - log(1 + before)
+        return np.asarray(np.bincount(self.square, self.weight[self.kind] * gain, self.squares))
+
+
+def kinds(xyz: Floats, data: NDArray[np.float32], seed: int) -> Ints:
+    """Kind of each point, by its features scaled to what nine tenths of the points have.
+
+    They are found in a sample by place, so that the order of the points does not matter.
+    """
+    from sklearn.cluster import MiniBatchKMeans
+
+    seen = [column[np.isfinite(column)] for column in data.T]
+    middle = np.array([np.median(c) if len(c) else 0.0 for c in seen], np.float32)
+    known = np.where(np.isfinite(data), data, middle)
+    low, high = np.quantile(known, (0.05, 0.95), axis=0).astype(np.float32)
+    scaled = np.clip((known - low) / np.where(high > low, high - low, 1), 0, 1)
+    sample = np.lexsort([*xyz.T, random_keys(xyz, seed)])[:SAMPLE]
+    number = min(KINDS, len(sample))
+    made = MiniBatchKMeans(number, n_init=1, random_state=seed).fit(scaled[sample])
+    return np.asarray(made.predict(scaled), np.int64)
 
 
 def suggested(
-    described: Floats, doubt: Floats, free: NDArray[np.bool_], wanted: int, seed: int
+    held: Held, labelled: NDArray[np.bool_], free: NDArray[np.bool_], wanted: int
 ) -> Ints:
-    """Indices of the patches to label, the most uncertain first.
+    """Indices of the patches to label, in the order in which they are taken.
 
     Parameters
     ----------
-    described : what each patch is like, array of shape (m, k)
-    doubt : how uncertain each is, array of shape (m,)
-    free : True for those that may be chosen
+    held : what points they hold
+    labelled : True for those that are labelled already
+    free : True for those that may be taken
     wanted : number of patches
 
     Examples
     --------
-    >>> like = np.array([[0.0], [0.1], [5.0], [5.1]])
-    >>> suggested(like, np.array([0.5, 0.4, 0.3, 0.0]), np.ones(4, bool), 2, 0).tolist()
+    Two patches hold nine points of the first kind, one holds four of the second:
+
+    >>> of = np.array([0, 1, 2]), np.array([0, 0, 1]), np.array([9, 9, 4])
+    >>> suggested(Held(*of, np.ones(2), 3), np.zeros(3, bool), np.ones(3, bool), 2).tolist()
     [0, 2]
     """
-    from sklearn.cluster import KMeans
-
-    index = np.flatnonzero(free)
-    index = index[np.argsort(-doubt[index], kind="stable")]
-    if doubt.any():
-        index = index[: MORE * wanted]
-    if len(index) > wanted:
-        weight = doubt[index] + 1e-6 if doubt.any() else np.ones(len(index))
-        made = KMeans(wanted, n_init=3, random_state=seed).fit(described[index], None, weight)
-        away = np.linalg.norm(described[index] - made.cluster_centers_[made.labels_], axis=1)
-        order = np.lexsort((away, made.labels_))
-        first = np.flatnonzero(np.diff(made.labels_[order], prepend=-1))
-        index = index[order[first]]
-    return np.asarray(index[np.argsort(-doubt[index], kind="stable")])
+    known, free, order = held.within(labelled), free.copy(), []
+    for _ in range(min(wanted, int(free.sum()))):
+        best = int(np.where(free, held.added(known), -1.0).argmax())
+        order.append(best)
+        free[best] = False
+        known = known + held.within(np.arange(held.squares) == best)
+    return np.array(order, np.int64)

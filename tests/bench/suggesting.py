@@ -69,16 +69,15 @@ class Half:
 
     def rounds(self, suggest: bool, seed: int) -> Iterator[tuple[float, float]]:
         """Accuracy and mean F1 after each round of patches, suggested or by chance."""
-        from algorithms.classify.suggest import FEWEST, suggested
+        from algorithms.classify.suggest import FEWEST, Held, kinds, suggested
 
         rng, squares = np.random.default_rng(seed), self.squares
         taken, chance = np.zeros(len(squares.count), bool), np.ones((len(self.data), 1))
         for _ in range(ROUNDS):
             free = (squares.count >= FEWEST) & ~taken
             if suggest:
-                doubt = squares.mean(1.0 - chance.max(axis=1, keepdims=True))[:, 0]
-                found = squares.described(self.data, chance)
-                taken[suggested(found, doubt, free, WANTED, seed)] = True
+                held = Held.of(squares, kinds(self.pool.xyz, self.data, seed), chance)
+                taken[suggested(held, taken, free, WANTED)] = True
             else:
                 taken[rng.permutation(np.flatnonzero(free))[:WANTED]] = True
             made, figures = self.learnt(taken[squares.own], seed)
@@ -95,9 +94,17 @@ def _half(name: str, half: Half, draws: int) -> None:
         f"{100 * full[0]:.1f} % and a mean F1 of {100 * full[1]:.1f} %"
     )
     for title, how in (("suggested", True), ("by chance", False)):
+        after = []
         for seed in range(draws):
             found = np.array(list(half.rounds(how, seed))) / full
+            after.append(found)
             say(
                 f"suggesting    {title}, seed {seed}, after each round: accuracy "
                 f"{_percents(found[:, 0])}, F1 {_percents(found[:, 1])} %"
+            )
+        for measure, of in (("accuracy", 0), ("F1", 1)):
+            each = np.array(after)[:, :, of]
+            say(
+                f"suggesting    {title}, {measure} after each round: worst of {draws} "
+                f"{_percents(each.min(axis=0))}, median {_percents(np.median(each, axis=0))} %"
             )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from algorithms.classify.suggest import ClassifySuggest, Squares, suggested
+from algorithms.classify.suggest import ClassifySuggest, Held, Squares, kinds, suggested
 from algorithms.classify.train import ClassifyTrain
 from tests.scenes.parks import NAMES, QUICK, UTM, yard
 from toolbox.data import PointCloud, Table, Vector
@@ -28,7 +28,7 @@ def test_patches_are_uncertain_and_of_all_kinds(model: Table) -> None:
     frame = out.patches.frame
     assert len(frame) == 8
     assert (frame.geometry.area == 25).all()
-    assert frame["uncertainty"].is_monotonic_decreasing
+    assert frame["rank"].tolist() == list(range(1, 9))
     assert 100 * frame["uncertainty"].mean() > 2 * out.uncertainty
     blind = ClassifySuggest(**job).run()
     inside = shapely.contains_xy(blind.patches.frame.union_all(), *cloud.xyz[:, :2].T)
@@ -52,13 +52,40 @@ def test_the_order_of_the_points_does_not_matter(model: Table) -> None:
     assert one.frame.geometry.geom_equals(other.frame.geometry).all()
 
 
-def test_the_most_uncertain_compete_by_variety() -> None:
-    like = np.repeat(np.array([[0.0], [5.0], [9.0]]), 10, axis=0)
-    doubt = np.linspace(0.9, 0.1, 30)
-    chosen = suggested(like, doubt, np.ones(30, bool), 3, 0)
-    assert sorted(like[chosen, 0].tolist()) == [0, 5, 9]
-    free = np.arange(30) < 5
-    assert set(suggested(like, doubt, free, 8, 0).tolist()) == {0, 1, 2, 3, 4}
+def test_no_kind_is_taken_twice_before_all_are() -> None:
+    cells = np.repeat(np.arange(6), [9, 9, 9, 4, 4, 4])
+    squares = Squares.of(5.0 * np.column_stack([cells, np.zeros(len(cells))]), 5.0)
+    kind = np.array([0, 0, 1, 1, 2, 2])[cells]
+    held = Held.of(squares, kind, np.ones((len(cells), 1)))
+    none, free = np.zeros(6, bool), np.ones(6, bool)
+    assert suggested(held, none, free, 3).tolist() == [0, 2, 4]
+    assert suggested(held, np.arange(6) == 2, np.arange(6) != 2, 3).tolist() == [0, 4, 1]
+    assert suggested(held, none, np.arange(6) > 3, 8).tolist() == [4, 5]
+
+
+def test_kinds_count_by_how_unsure_the_model_is_of_their_points() -> None:
+    squares = Squares.of(np.array([[1.0, 1], [2, 1], [7, 1], [8, 1]]), 5.0)
+    kind, half, sure = np.array([0, 0, 1, 1]), [0.5, 0.5], [1.0, 0.0]
+    held = Held.of(squares, kind, np.array([sure, half, half, half]))
+    np.testing.assert_allclose(held.weight[:3], np.log(2) * np.array([1, 2, 0]))
+    assert suggested(held, np.zeros(2, bool), np.ones(2, bool), 1).tolist() == [1]
+
+
+def test_a_kind_of_which_much_is_labelled_tells_little() -> None:
+    held = Held(np.array([0, 1]), np.array([0, 1]), np.array([3, 3]), np.array([2.0, 1.0]), 2)
+    np.testing.assert_allclose(held.added(np.array([0.0, 0.0])), np.log(4) * np.array([2, 1]))
+    np.testing.assert_allclose(held.added(np.array([96.0, 0.0])), [2 * np.log(100 / 97), np.log(4)])
+
+
+def test_unlike_points_are_of_other_kinds() -> None:
+    rng = np.random.default_rng(0)
+    data = rng.random((3000, 3)).astype(np.float32)
+    data[::2, 0] += 50
+    data[5, 1] = np.nan
+    found = kinds(rng.random((3000, 3)), data, 0)
+    assert not set(found[::2]) & set(found[1::2])
+    assert len(set(found)) == 100
+    assert kinds(rng.random((7, 3)), data[:7], 0).max() < 7
 
 
 def test_squares_hold_means() -> None:

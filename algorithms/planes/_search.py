@@ -107,9 +107,9 @@ class Patch:
         made.__dict__["wider"] = self.wider
         return made
 
-    def under(self, xyz: Floats, gap: float) -> float:
-        """Share of points of shape (n, 3) whose projection lies on the patch."""
-        return float(kernels.over(xyz, self.axes, gap, self.squares).mean())
+    def over(self, xyz: Floats, gap: float) -> NDArray[np.bool_]:
+        """Which points of shape (n, 3) lie over the patch."""
+        return np.asarray(kernels.over(xyz, self.axes, gap, self.squares))
 
 
 @dataclass

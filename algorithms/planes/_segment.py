@@ -201,7 +201,11 @@ def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> N
             some = cells.xyz[part[:: 1 + len(part) // FEW]]
             if len(part) < rules.min_points or _width(some @ patch.axes.T) < rules.min_extent:
                 continue
-            if not any(_is_noise(patch, some, patches[k], rules) for k in keep):
+            if not any(
+                _is_noise(patch, some, patches[k], rules)
+                and patch.over(cells.xyz[parts[k]], rules.gap).sum() > len(part)
+                for k in keep
+            ):
                 keep.append(number)
         if len(keep) == len(sizes):
             ranks = np.zeros(len(keep) + 1, np.int32)
@@ -273,7 +277,7 @@ def _is_noise(patch: Patch, xyz: Floats, other: Patch, rules: Rules) -> bool:
     if abs(patch.plane[:3] @ other.plane[:3]) < math.cos(rules.angle):
         return False
     away = np.median(np.abs(xyz @ other.plane[:3] - other.plane[3]))
-    return bool(away < NEAR * rules.tolerance) and other.under(xyz, rules.gap) > 0.5
+    return bool(away < NEAR * rules.tolerance) and other.over(xyz, rules.gap).mean() > 0.5
 
 
 def _all_fitted(

@@ -203,7 +203,10 @@ def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> N
                 continue
             if not any(
                 _is_noise(patch, some, patches[k], rules)
-                and patch.over(cells.xyz[parts[k]], rules.gap).sum() > len(part)
+                and (
+                    rules.centres < 1.0  # a finer tolerance leaves many points of a wall beyond it
+                    or patch.over(cells.xyz[parts[k]], rules.gap).sum() > len(part)
+                )
                 for k in keep
             ):
                 keep.append(number)

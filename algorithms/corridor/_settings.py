@@ -290,7 +290,7 @@ class Sparse:
         24, "steps", "of a wire; points in one count once, as those of a twig are side by side"
     )
     false_alarms: float = unlikely(
-        0.01, "wires", "that are expected by chance where there are none, or beside another one"
+        0.01, "1", "wires where there are none, or gaps in one, that are expected by chance"
     )
 
 
@@ -486,9 +486,6 @@ class Errors:
         2.0, "pieces", "by which the variance of the errors is known at least"
     )
     neighbours: int = tried(2, "spans", "to each side that tell how many conductors a span has")
-    by_chance: float = unlikely(
-        0.01, "1", "probability that a gap is longer than what is explained"
-    )
     typical: float = tried(
         0.25, "1", "share of a wire, that on which its points are closest, that tells their spacing"
     )

@@ -73,7 +73,7 @@ def seen_share(u: Floats, length: float, held: tuple[bool, bool]) -> tuple[float
 
 
 def longest_by_chance(gaps: Floats) -> float:
-    """Length that the longest gap between points exceeds with the probability `by_chance`, metres.
+    """Length in metres that the longest gap exceeds with the probability `false_alarms`.
 
     Points at random are a Poisson process. Of n of them on a wire, none is followed by a gap of x
     mean spacings with a probability of 1 - n exp(-x), nearly. A place on the wire lies in a gap
@@ -89,7 +89,7 @@ def longest_by_chance(gaps: Floats) -> float:
     share = np.cumsum(order) / order.sum()
     spacing = order[np.searchsorted(share, SETTINGS.errors.typical)]
     spacing /= gammaincinv(2, SETTINGS.errors.typical)
-    return float(spacing * math.log(max(order.sum() / spacing, 1.0) / SETTINGS.errors.by_chance))
+    return float(spacing * math.log(max(order.sum() / spacing, 1.0) / SETTINGS.sparse.false_alarms))
 
 
 # --- conductors of the neighbouring spans --------------------------------------------------

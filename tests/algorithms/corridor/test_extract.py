@@ -1149,7 +1149,7 @@ def test_gaps_that_chance_explains_are_seen() -> None:
         fewer = u[(u < 150) | (rng.random(len(u)) < 1 / 3)]
         assert seen_share(fewer, 300.0, (True, True))[0] > 0.75
     assert (
-        np.mean(unseen) < 8 * SETTINGS.errors.by_chance
+        np.mean(unseen) < 8 * SETTINGS.sparse.false_alarms
     )  # the spacing is not known, but estimated
 
 

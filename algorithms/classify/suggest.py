@@ -242,7 +242,7 @@ def kinds(xyz: Floats, data: NDArray[np.float32], seed: int) -> Ints:
     known = np.where(np.isfinite(data), data, middle)
     low, high = np.quantile(known, (0.05, 0.95), axis=0).astype(np.float32)
     scaled = np.clip((known - low) / np.where(high > low, high - low, 1), 0, 1)
-    sample = np.lexsort([*xyz.T, random_keys(xyz, seed)])[:SAMPLE]
+    sample = np.lexsort([*scaled.T, *xyz.T, random_keys(xyz, seed)])[:SAMPLE]
     number = min(KINDS, len(sample))
     made = MiniBatchKMeans(number, n_init=1, random_state=seed).fit(scaled[sample])
     return np.asarray(made.predict(scaled), np.int64)

@@ -301,7 +301,7 @@ class Arcs:
     smooth: float = tried(
         0.48,
         "tolerances",
-        "scatter of a wire that locates supports, and of what surely is on a wire",
+        "scatter of a wire that locates supports; of the smallest: of what surely is on a wire",
     )
     coarse_bins: int = tried(3, "bins", "put together to find the common curvature")
     least_tried: float = built(1 / 3000, "1 / m", "least curvature that is tried")

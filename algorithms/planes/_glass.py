@@ -12,6 +12,7 @@ from scipy.ndimage import binary_dilation, label, uniform_filter
 from scipy.spatial import KDTree
 
 PER_CELL = 4.0  # points of the frames in a square, about
+MOST_SQUARES = 2e6  # of a picture; more, where frames have twins of other scans, cost memory alone
 FEW = 20_000  # points of the frames that tell how far neighbours are apart
 NEAREST = math.sqrt(math.log(2) / math.pi)  # distance of the nearest of points by chance, median
 MOSTLY = 0.5  # share of the points of glass between frames: 0.8, less where some were not seen
@@ -83,16 +84,16 @@ def glass(
         if (part.size > largest).any() and not found[ids == part.number + 1].any():
             step = SIGMAS * part.spread
             level = [one.number for one in parts if abs(one.depth - part.depth) <= step]
-            own = np.flatnonzero(np.isin(ids, np.array(level, int) + 1))
-            before = part.depth - away
-            frames = np.flatnonzero((before > step) & (before <= recess))
+            in_level, before = np.isin(ids, np.array(level, int) + 1), part.depth - away
+            own = np.flatnonzero(in_level)
+            frames = np.flatnonzero((before > step) & (before <= recess) & ~in_level)
             flat = np.isin(ids[frames], numbers)
             found[own[_in_panels(uv[own], uv[frames], flat, largest)]] = True
     return found
 
 
 def _in_panels(own: Floats, frames: Floats, flat: Mask, largest: tuple[float, float]) -> Mask:
-    """Which points of shape (n, 2) lie between frames where few do; none if these are few places.
+    """Which points of shape (n, 2) are on panels with fewer than frames; none unless most are.
 
     Parameters
     ----------
@@ -104,6 +105,7 @@ def _in_panels(own: Floats, frames: Floats, flat: Mask, largest: tuple[float, fl
     away, _ = KDTree(places).query(places[:: 1 + len(places) // FEW], k=[2])
     side = math.sqrt(PER_CELL) * max(float(np.median(away)) / NEAREST, 1e-9)
     low, high = own.min(axis=0) - largest, own.max(axis=0) + largest
+    side = max(side, math.sqrt(float(np.prod(high - low)) / MOST_SQUARES))
     here = ((frames >= low) & (frames <= high)).all(axis=1)
     frames, flat = frames[here], flat[here]
     own, frames = (np.floor((some - low) / side).astype(np.int64) for some in (own, frames))

@@ -33,7 +33,7 @@ LIKE = 3.0  # standard deviations of the logarithm of intensity, within which a 
 FEW = 20_000  # points of a plane that tell its size
 ROUNDS = 20  # squares from which one can be told what it is
 NEIGHBOUR = 1.0  # logarithm of the odds that a square around tells; 0.5 to 1 are alike
-SURE = 3.0  # the same of a point that is wall though its square stands back: 20 to 1
+SURE = 3.0  # logarithm of the odds, 20 to 1, of a point of wall whose square stands back
 INNER = (0.02, 0.98)  # quantiles of its points that its size is measured between
 
 EMPTY, WALL, BEHIND, HIDDEN = range(4)
@@ -129,9 +129,11 @@ def relief_of(
     parts = [_plane(k, uv, away, ids, shades) for k in front.members]
     panes = glass(parts, uv, away, ids, largest, recess)
     shares = {part.number: float(panes[ids == part.number + 1].mean()) for part in parts}
+    bare = [part for part in parts if shares[part.number] <= MOSTLY]
+    if not bare:  # a front that is nothing but glass has no wall to see it against
+        panes[:], bare, shares = False, parts, {}
     glazed = [number for number, share in shares.items() if share > 0]
     ids = np.where(panes, 0, ids)
-    bare = [part for part in parts if shares[part.number] <= MOSTLY]
     walls = _walls(bare, largest, recess, least)
     own = np.isin(ids, np.array(walls.planes) + 1)
     apart = _apart(uv[own])

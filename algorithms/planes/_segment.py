@@ -204,7 +204,7 @@ def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> N
             if not any(
                 _is_noise(patch, some, patches[k], rules)
                 and (
-                    rules.centres < 1.0  # a finer tolerance leaves many points of a wall beyond it
+                    rules.centres < 1.0  # at twice the noise many points of a wall are left out
                     or patch.over(cells.xyz[parts[k]], rules.gap).sum() > len(part)
                 )
                 for k in keep

@@ -115,7 +115,9 @@ class SurfaceFlattenWater:
             if not len(rows):
                 continue
             level_bodies += 1
-            part = tuple(slice(max(0, k.min() - reach), k.max() + reach + 1) for k in (rows, cols))
+            part = tuple(
+                slice(max(0, k.min() - reach - 1), k.max() + reach + 2) for k in (rows, cols)
+            )
             wet[rows, cols] = True
             inside = np.zeros(heights[part].shape, bool)
             inside[rows - part[0].start, cols - part[1].start] = True
@@ -125,6 +127,13 @@ class SurfaceFlattenWater:
             heights[part] = without_gaps(heights[part], inside, reach)
         raised = (heights != before) & ~wet & np.isfinite(before)
         most = float(np.max((heights - before)[raised], initial=0.0))
+        if closed := np.count_nonzero(np.isnan(before) & np.isfinite(heights) & ~wet):
+            log.warning(
+                "%d empty cells at shores have heights between water and ground, at most %g m from "
+                "the water",
+                closed,
+                self.shore,
+            )
         if apart := len(bodies) - level_bodies:
             log.warning("%d of %d bodies of water hold no cell of the terrain", apart, len(bodies))
         return self.Outputs(

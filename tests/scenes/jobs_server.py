@@ -38,9 +38,9 @@ class Server:
                 return
         raise TimeoutError
 
-    def kill(self) -> None:
-        self.process.send_signal(signal.SIGKILL)
-        self.process.wait()
+    def kill(self, by: signal.Signals = signal.SIGKILL) -> int:
+        self.process.send_signal(by)
+        return self.process.wait(30)
 
     def execute(self, tool: str, inputs: dict[str, Any], *, wait: bool = True) -> requests.Response:
         headers = {} if wait else {"Prefer": "respond-async"}

@@ -85,14 +85,18 @@ class Layer(Protocol):
         def metre(self) -> float:
             """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
 
-    def __array__(self, *_: Any, **__: Any) -> NDArray[Any]:
-        """Refuse: numpy would make an array of one object.
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """Refuse, but for an array of objects: numpy would make one of one object.
 
         Raises
         ------
         TypeError
-            Always; it says where the numbers are.
+            Numbers are asked for; it says where they are.
         """
+        if dtype is not None and np.dtype(dtype) == object:
+            made = np.empty((), object)
+            made[()] = self
+            return made
         where = f"; {self.numbers_in}" if self.numbers_in else ""
         raise TypeError(f"a {type(self).__name__} is no array{where}")
 

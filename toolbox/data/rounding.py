@@ -49,7 +49,8 @@ def rounded(frame: pd.DataFrame) -> pd.DataFrame:
         if column.dtype.kind == "f":
             counts = [_decimals(str(name), column)] * len(column) if rows is None else rows
             # As texts are: of 800.0975, a little less in binary, numpy would make 800.098.
-            exact = [round(value, n) for value, n in zip(column.to_list(), counts, strict=True)]
+            values = column.to_numpy(float, na_value=np.nan).tolist()
+            exact = [round(value, n) for value, n in zip(values, counts, strict=True)]
             made[name] = pd.Series(exact, column.index, column.dtype)
     return made
 
@@ -63,5 +64,5 @@ def _decimals(name: str, column: pd.Series[float]) -> int:
     usual = next((count for known, count in _BY_NAME if known.search(name)), LENGTH)
     sizes = np.abs(column.to_numpy(float, na_value=np.nan))
     largest = float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
-    left_with_one = 0 < round(largest * 10.0**usual, 1) < 10
+    left_with_one = 0 < largest * 10.0**usual < 9.95
     return telling(largest, TELLING) if left_with_one else usual

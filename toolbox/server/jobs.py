@@ -101,6 +101,11 @@ class Jobs:
         self.set(id, status=WAITS, progress=0, message="waits again", request=told)
         self.queue.put(id)
 
+    def rest(self) -> None:
+        """Let jobs that run wait for the next server, as this one is stopped in good order."""
+        for job in self.all((RUNS,)):
+            self.set(job["id"], only=(RUNS,), status=WAITS, progress=0, message="waits again")
+
     @contextmanager
     def _db(self) -> Iterator[sqlite3.Connection]:
         db = sqlite3.connect(self.folder / "jobs.sqlite", timeout=30)

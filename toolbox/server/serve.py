@@ -8,6 +8,8 @@ import json
 import logging
 import os
 import re
+import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -205,4 +207,6 @@ def serve(
     except OSError as err:
         raise DataError(f"cannot listen at {host}:{port}: {err.strerror}") from None
     ready(f"{here}/processes")
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # which ends the server as Ctrl-C does
     server.run()
+    importlib.import_module("toolbox.server.manager").queue_of(state / "jobs", limits).rest()

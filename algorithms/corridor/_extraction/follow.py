@@ -265,8 +265,8 @@ class Line:
         """Logarithm of how much likelier its points lie on its wires than by chance around them.
 
         On a wire they scatter as normal errors do, by its root mean square; by chance they lie
-        anywhere in the disc in which a wire stands alone. Each is of what is likelier. Supports of
-        which unlikely few points are seen tell against it.
+        anywhere in the disc in which a wire stands alone. What chance explains better counts
+        nothing. Supports of which unlikely few points are seen tell against it.
         """
         found = sum(support.chance for support in self.supports)
         for wire in self.wires:
@@ -334,7 +334,7 @@ def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> 
     spans = [[one for line in lines for one in spans_apart(line)] for lines in (narrow, wide)]
     chosen, spare = [], []
     for same, other, evidence in same_spans(corridor, *spans):
-        more = evidence > sum(one.evidence(corridor) for one in same)
+        more = not same or bool(other and evidence > sum(one.evidence(corridor) for one in same))
         chosen += other if more else same
         spare += same if more else other
     taken = np.zeros(len(corridor.air.xyz), bool)

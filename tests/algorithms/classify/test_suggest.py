@@ -52,6 +52,13 @@ def test_the_order_of_the_points_does_not_matter(model: Table) -> None:
     assert one.frame.geometry.geom_equals(other.frame.geometry).all()
 
 
+def test_kinds_do_not_depend_on_the_order_of_points_in_one_place() -> None:
+    rng = np.random.default_rng(0)
+    xyz, data = np.repeat(rng.random((15_000, 3)), 2, axis=0), rng.random((30_000, 2), np.float32)
+    order = rng.permutation(len(xyz))
+    np.testing.assert_array_equal(kinds(xyz, data, 0)[order], kinds(xyz[order], data[order], 0))
+
+
 def test_no_kind_is_taken_twice_before_all_are() -> None:
     cells = np.repeat(np.arange(6), [9, 9, 9, 4, 4, 4])
     squares = Squares.of(5.0 * np.column_stack([cells, np.zeros(len(cells))]), 5.0)

@@ -57,6 +57,14 @@ def test_a_span_does_not_find_more_by_reaching_over_its_support() -> None:
     assert lengths(Line(straight, []), Line(over, [])) == [60, 60]
 
 
+def test_a_span_of_one_tolerance_is_kept_though_its_supports_hardly_show() -> None:
+    doubtful = replace(support_at(0), chance=-1e6)
+    seen = Line([replace(w, supports=(0, -1)) for w in spans((0, 60)).wires], [doubtful])
+    corridor = corridor_of(WIRE[0][::40])
+    for narrow, wide in (([seen], []), ([], [seen])):
+        assert len(better(corridor, narrow, wide)) == 1
+
+
 def _hung(curve: Catenary) -> Catenary:
     """A curve so flat that points of both spans lie on it."""
     return replace(curve, curvature=1 / 4000)

@@ -757,3 +757,15 @@ def test_an_opening_that_may_be_two_things_is_half_as_certain() -> None:
     }
     assert [row["kind"] for row in found.values()] == ["window", EITHER]
     assert [row["certainty"] for row in found.values()] == [0.9, pytest.approx(0.45)]
+
+
+def test_mullions_just_before_sparse_panels_of_their_own_plane_are_no_frames() -> None:
+    """All of the front had been glass, and no wall was left to see it against."""
+    rng = np.random.default_rng(1)
+    side = np.arange(0, 9, 0.02)
+    bars = [np.column_stack([np.full(len(side), x), side]) for x in np.arange(0, 6.1, 1.5)]
+    bars += [np.column_stack([side[:300], np.full(300, y)]) for y in np.arange(0, 9.1, 3)]
+    frame, panel = np.vstack(bars), rng.random((9000, 2)) * [6, 9]
+    uv, away = np.vstack([frame, panel]), np.repeat([-0.015, 0.0], [len(frame), len(panel)])
+    xyz = np.column_stack([uv[:, 0], away + rng.normal(0, 0.002, len(uv)), uv[:, 1]])
+    assert found(PointCloud(xyz, {"plane_id": np.ones(len(xyz), np.int32)}, crs=LOCAL)).count == 0

@@ -42,14 +42,18 @@ def test_water_is_level_and_no_shore_is_lower() -> None:
     assert (z[0] == 12.0).all()
 
 
-def test_gaps_at_the_shore_lie_between_water_and_ground() -> None:
+def test_gaps_at_the_shore_lie_between_water_and_ground(caplog: pytest.LogCaptureFixture) -> None:
     """Two empty cells at the shore of a real lake made a storage curve end at the edge of data."""
     z = np.where(bowl().band() == 9.0, 12.0, bowl().band())
     z[2, 4:6] = z[12, 12] = np.nan  # at the shore, and in the land
     found = SurfaceFlattenWater(terrain=raster(z), water=pond()).run().flattened.band()
     assert ((found[2, 4:6] > 10.0) & (found[2, 4:6] < 12.0)).all()
+    assert "2 empty cells at shores have heights between water and ground" in caplog.text
     assert np.isnan(found[12, 12])
-    z[2, 4:] = np.nan  # goes on to the edge of the data
+    z[1, 4:6] = np.nan  # as far from the water as the shore is wide
+    found = SurfaceFlattenWater(terrain=raster(z), water=pond(), shore=2).run().flattened.band()
+    assert ((found[1:3, 4:6] >= 10.0) & (found[1:3, 4:6] <= 12.0)).all()
+    z[1, 4:6], z[2, 4:] = 12.0, np.nan  # goes on to the edge of the data
     found = SurfaceFlattenWater(terrain=raster(z), water=pond()).run().flattened.band()
     assert np.isnan(found[2, 4:]).all()
     z[2, 17:] = 12.0  # farther from the water than the shore is wide

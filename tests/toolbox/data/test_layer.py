@@ -156,3 +156,4 @@ def test_a_layer_taken_for_an_array_says_where_its_numbers_are(layer: Layer, say
     for how in ({}, {"dtype": float}):
         with pytest.raises(TypeError, match=says):
             np.asarray(layer, **how)
+    assert np.array([layer], dtype=object)[0] is layer

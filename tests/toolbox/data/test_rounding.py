@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import geopandas
+import pandas as pd
 import pytest
 import shapely
 
@@ -27,6 +28,7 @@ SHOWN |= {"latitude": 46.63254012, "level": 500.0, "tiny": 0.0001235}
     [
         ("length", 0.0123456, 0.012),
         ("curvature", 0.000741234, 0.0007412),
+        ("slope", 0.00004, 0.00004),  # of a calm river, which is none if it becomes 0
         ("area", 0.0512345, 0.05123),
         ("share", 0.00512345, 0.0051),
         ("volume", 0.0, 0.0),
@@ -38,6 +40,11 @@ def test_a_column_that_would_have_one_digit_keeps_four(
 ) -> None:
     """By the digits that its unit has: of shares, with four decimals, 0.0051 are two."""
     assert rounded(Table.from_rows([{name: value}]).frame)[name].tolist() == [shown]
+
+
+def test_numbers_that_may_be_missing_are_rounded() -> None:
+    frame = pd.DataFrame({"length": pd.array([0.51234, None], "Float64")})
+    assert rounded(frame)["length"].fillna(-1).tolist() == [0.512, -1]
 
 
 def features() -> Vector:

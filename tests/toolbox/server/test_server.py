@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -153,6 +154,20 @@ def test_a_killed_server_leaves_no_half_results_and_goes_on(server: Server) -> N
     assert not (server.folder / "state" / "jobs" / slow.rpartition("/")[2]).exists()
     ended = server.until(waits.headers["Location"], is_over)
     assert (ended["status"], ended["message"]) == ("successful", "done")
+
+
+@pytest.mark.parametrize("by", [signal.SIGTERM, signal.SIGINT])
+def test_jobs_outlive_a_server_that_is_stopped_in_good_order(
+    server: Server, by: signal.Signals
+) -> None:
+    """As often as that is: no update of the computer makes a long job one that has failed."""
+    place = server.execute("samples.scene", SLOW, wait=False).headers["Location"]
+    for _ in range(3):
+        server.until(place, lambda job: job["status"] == "running" and job["progress"] > 0)
+        assert server.kill(by) == 0
+        server.start()
+        assert server.job(place)["status"] in ("accepted", "running")
+    assert requests.delete(place, timeout=30).json()["status"] == "dismissed"
 
 
 def test_limits_of_time_and_jobs(server: Server) -> None:

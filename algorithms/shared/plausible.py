@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.spatial import cKDTree
 
+from algorithms.shared.kernels.sorting import grouped
 from algorithms.shared.kernels.squares import (
     bottoms,
     held,
@@ -130,7 +131,7 @@ def squares_of(xyz: Floats, metre: float) -> Ints:
     array([0, 1, 0])
     """
     squares = _cells(xyz, SQUARE * metre)[0]
-    return _counted_through(squares)[1] if _is_stretched(squares) else squares
+    return grouped(squares)[1] if _is_stretched(squares) else squares
 
 
 def hidden_share(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> float:
@@ -361,8 +362,7 @@ def is_upright(xyz: Floats, metre: float) -> bool:
 def _counted_through(cells: Ints) -> tuple[Ints, Ints]:
     """The cells with points, in order, and for each point which of them is its own."""
     if _is_stretched(cells):
-        places, own = np.unique(cells, return_inverse=True)
-        return places, own
+        return grouped(cells)
     size = int(cells.max()) + 1
     places = np.flatnonzero(np.bincount(cells, minlength=size))
     number = np.zeros(size, np.int64)

@@ -267,8 +267,8 @@ def short_height_unit(crs: CRS | None) -> str:
     >>> short_height_unit(CRS(2263)), short_height_unit(CRS(32635)), short_height_unit(None)
     ('us-ft', 'm', '')
     """
-    known = {"metre": "m", "foot": "ft", "US survey foot": "us-ft"}
-    return known.get(vertical_unit(crs), "")
+    name = vertical_unit(crs)
+    return next((unit_of(size) for size, known in _UNITS.items() if known == name), "")
 
 
 def feet_of_heights(crs: CRS | None) -> tuple[str, float] | None:

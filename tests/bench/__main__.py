@@ -47,6 +47,7 @@ from tests.bench.shorelines import shorelines, water_levels, waters
 from tests.bench.speed import speed
 from tests.bench.structures import structures
 from tests.bench.suggesting import suggesting
+from tests.bench.walls import walls
 
 ALL = (
     accuracy,
@@ -74,6 +75,7 @@ ALL = (
     structures,
     buildings,
     corners,
+    walls,
     gridding,
     shorelines,
     water_levels,

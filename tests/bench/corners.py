@@ -50,6 +50,13 @@ class Place(NamedTuple):
 
 def places() -> Iterator[Place]:
     """Towns, whose truth are roofs, and surveys with maps of walls."""
+    for seed in TOWNS:
+        yield _town(seed, 8.0)
+    yield from maps()
+
+
+def maps() -> Iterator[Place]:
+    """Surveys with maps of walls."""
     import csv
     import json
 
@@ -58,8 +65,6 @@ def places() -> Iterator[Place]:
 
     from toolbox.data import Vector
 
-    for seed in TOWNS:
-        yield _town(seed, 8.0)
     rural = opened("ign_buildings_bdtopo/870000_6618000_class_1_2_6.laz")
     plan = Vector.open(DATA / "ign_buildings_bdtopo/bdtopo_buildings.shp").frame.geometry
     yield Place("BD TOPO, rural", rural, shapely.force_2d(plan.to_numpy()), _box(rural))
@@ -178,17 +183,16 @@ def matched(place: Place, drawn: Any) -> Corners:
     inside = place.area.buffer(-NEAR)  # what the edge of the data cuts has corners of its own
     single = shapely.make_valid(place.shapes)
     plan, own = shapely.union_all(single) & place.area, shapely.union_all(drawn) & place.area
-    shift = _shift(own, plan)
+    shift = shift_of(own, plan)
     single, plan = (shapely.transform(one, lambda xy: xy + shift) for one in (single, plan))
-    houses = [house for house in shapely.get_parts(plan) if _is_one(house, own)]
-    eaves = [_eaves(house, own) for house in houses]
+    houses = [house for house in shapely.get_parts(plan) if is_one(house, own)]
+    eaves = [eaves_of(house, own) for house in houses]
     bare, wide, house_of = _of_houses(houses, eaves, inside)
     theirs = [_within(corners_of(one), inside) for one in shapely.get_parts(own)]
     part_of = np.repeat(np.arange(len(theirs)), [len(some) for some in theirs])
     mine = np.concatenate(theirs)
-    spacing = np.sqrt(_box(place.points).area / len(place.points))
-    ends = _edge(place, max(DISC, BY_SPACING * spacing))
-    edge = shapely.distance(shapely.points(wide), ends)
+    spacing = spacing_of(place)
+    edge = shapely.distance(shapely.points(wide), ends_of_points(place).boundary)
     seen = edge <= max(UNSEEN, BY_SPACING * spacing)
     away = np.hypot(*(wide[:, None] - mine[None]).transpose(2, 0, 1))
     allowed = np.array([[_shared(h, o) >= SAME for o in shapely.get_parts(own)] for h in houses])
@@ -210,7 +214,7 @@ def matched(place: Place, drawn: Any) -> Corners:
     )
 
 
-def _is_one(house: Any, own: Any) -> bool:
+def is_one(house: Any, own: Any) -> bool:
     """Whether a building of the map is among the outlines."""
     return bool((house & own).area >= SAME * house.area)
 
@@ -220,14 +224,20 @@ def _shared(house: Any, other: Any) -> float:
     return float((house & other).area / min(house.area, other.area))
 
 
-def _edge(place: Place, disc: float) -> Any:
-    """Where points of buildings end, by the classes that the survey came with."""
+def spacing_of(place: Place) -> float:
+    """Distance between points, metres."""
+    return float((_box(place.points).area / len(place.points)) ** 0.5)
+
+
+def ends_of_points(place: Place) -> Any:
+    """Polygons around points of buildings, by the classes that the survey came with."""
     import shapely
 
     from algorithms.shared.alpha_shape import alpha_shape
 
     xyz = place.points.xyz[place.points["classification"] == 6]
-    return shapely.union_all(alpha_shape(xyz[:, :2], disc).polygons).boundary
+    disc = max(DISC, BY_SPACING * spacing_of(place))
+    return shapely.union_all(alpha_shape(xyz[:, :2], disc).polygons)
 
 
 def _of_houses(houses: list[Any], eaves: list[float], inside: Any) -> tuple[Any, Any, Any]:
@@ -254,7 +264,7 @@ def _within(xy: Any, inside: Any) -> Any:
     return xy[_is_within(xy, inside)]
 
 
-def _shift(own: Any, plan: Any) -> Any:
+def shift_of(own: Any, plan: Any) -> Any:
     """East and north by which a plan is moved so that most of it lies on the outlines."""
     import numpy as np
     import shapely
@@ -273,7 +283,7 @@ def _shift(own: Any, plan: Any) -> Any:
     return best
 
 
-def _eaves(house: Any, own: Any) -> float:
+def eaves_of(house: Any, own: Any) -> float:
     """Distance outwards by which the walls of a house fit the outlines best."""
     import numpy as np
 

@@ -198,7 +198,7 @@ class ClassifyTrees:
         self, some: Ints, tree: Ints, height: Floats, lengths: Lengths, ctx: Context
     ) -> Iterator[dict[str, Any]]:
         """Attributes, top and crown of each tree."""
-        cloud = self.points
+        cloud, core = self.points, self.points.core  # of all points, which takes time to make
         order = np.lexsort((-height[some], tree))
         ends = np.flatnonzero(np.diff(tree[order], append=-1)) + 1
         for done, own in enumerate(np.split(some[order], ends[:-1])):
@@ -216,7 +216,7 @@ class ClassifyTrees:
                 "points": len(own),
                 "top": shapely.Point(x, y),
                 "crown": crown,
-                "core": bool(cloud.core[own[0]]),
+                "core": bool(core[own[0]]),
             }
 
     def _packed(self, rows: list[dict[str, Any]]) -> ClassifyTrees.Outputs:

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from algorithms.shared.kernels.sorting import grouped
 from algorithms.shared.kernels.squares import (
     bottoms,
+    ends,
     held,
     layers_above,
     near_bottom,
@@ -60,20 +61,20 @@ def height_problem(xyz: Floats, metre: float) -> str | None:
     """
     if not len(xyz):
         return None
-    middle = float(np.median(xyz[:, 2])) / metre
+    least, most = xyz[:, 2].min(), xyz[:, 2].max()
+    within = LOWEST * metre <= least and most <= HIGHEST * metre  # and so is their middle
+    middle = 0.0 if within else float(np.median(xyz[:, 2])) / metre
     if not LOWEST <= middle <= HIGHEST:
         side = "above" if middle > 0 else "below"
         return (
             f"half the heights are {side} {middle:.0f} m, where there is no land: "
             "are they in another unit?"
         )
-    if np.ptp(xyz[:, 2]) < STEEPEST * CELL * metre:
+    if most - least < STEEPEST * CELL * metre:
         return None
     cells, cols = _cells(xyz, CELL * metre)
     places, cells = _counted_through(cells)
-    low, high = np.full(len(places), np.inf), np.full(len(places), -np.inf)
-    np.minimum.at(low, cells, xyz[:, 2])
-    np.maximum.at(high, cells, xyz[:, 2])
+    low, high = ends(cells, xyz, len(places))
     slope = _typical_slope(places, cols, low) / (CELL * metre)
     if slope > STEEPEST:
         return (

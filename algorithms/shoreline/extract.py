@@ -15,7 +15,6 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
-import geopandas
 import numpy as np
 
 from algorithms.shared import parameters
@@ -278,6 +277,8 @@ def _warn(outlines: Sequence[Outline]) -> None:
 
 
 def _layer(features: Sequence[tuple[Any, Row]], crs: Any, kind: str) -> Vector:
+    import geopandas  # of which a model that looks for no water has no need
+
     frame = geopandas.GeoDataFrame(
         [row for _, row in features], geometry=[shape for shape, _ in features], crs=crs
     )

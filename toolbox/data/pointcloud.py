@@ -451,9 +451,15 @@ class PointCloud(Layer):
 
     def within(self, bounds: Sequence[float]) -> PointCloud:
         """The points within (xmin, ymin, xmax, ymax), or on the edge."""
-        x, y = self.xyz[:, 0], self.xyz[:, 1]
+        x, y = self._x_and_y()
         inside = (x >= bounds[0]) & (x <= bounds[2]) & (y >= bounds[1]) & (y <= bounds[3])
         return self if inside.all() else self.select(inside)
+
+    def _x_and_y(self) -> NDArray[np.float64]:
+        """The two axes of shape (2, n); those of all points are not kept to choose a few."""
+        if self._xyz is None and self._metadata is not None and self._packed is not None:
+            return las_points.axes_of(self._metadata.header, self._packed, "XY")
+        return self.xyz[:, :2].T
 
     def with_attributes(
         self,

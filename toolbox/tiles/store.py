@@ -68,8 +68,8 @@ class TileGrid:
         """Give a function that tells which coordinates along an axis are those of a tile."""
 
         def holds(values: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
-            buckets = np.floor(values * (SIDE / self.size)).astype(np.int64)
-            return np.asarray(buckets // SIDE == tile[1 - axis])
+            places, first = values * (SIDE / self.size), SIDE * tile[1 - axis]
+            return np.asarray((places >= first) & (places < first + SIDE))  # as `buckets` has it
 
         return holds
 

@@ -274,7 +274,7 @@ def _store(folder: Path, layer: Layer, inside: Inside, *, las: bool) -> None:
         return
     held = piece.read_back()
     tile_store.save_layer(folder, held)
-    if not np.array_equal(held.xyz, piece.xyz):
+    if "xyz" in piece.arrays() and not np.array_equal(held.xyz, piece.xyz):
         tile_store.save_layer(folder.with_name(folder.name + EXACT), piece)
 
 

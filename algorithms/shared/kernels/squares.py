@@ -74,6 +74,16 @@ def layers_above(squares, xyz, top, metre, clear, thick):
 
 
 @njit(cache=True, nogil=True)
+def ends(squares, xyz, size):
+    """Lowest and highest height of the points of each square."""
+    low, high = np.full(size, np.inf), np.full(size, -np.inf)
+    for i in range(len(squares)):
+        low[squares[i]] = min(low[squares[i]], xyz[i, 2])
+        high[squares[i]] = max(high[squares[i]], xyz[i, 2])
+    return low, high
+
+
+@njit(cache=True, nogil=True)
 def bottoms(squares, kept, xyz, size):
     """Lowest height of the kept points of each square, infinite without any."""
     low = np.full(size, np.inf)

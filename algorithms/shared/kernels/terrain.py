@@ -20,16 +20,25 @@ from algorithms.shared.sets import root
 def steps(z, first, last, reach, slope, out):
     """The largest step down from each cell to one within `reach`, minus what `slope` explains."""
     rows, cols = z.shape
+    deepest = np.empty(cols)
     for r in range(first, last):
-        for c in range(cols):
-            deepest = -np.inf
-            if not math.isnan(z[r, c]):
-                for i in range(max(0, r - reach), min(rows, r + reach + 1)):
-                    for j in range(max(0, c - reach), min(cols, c + reach + 1)):
-                        square = (i - r) ** 2 + (j - c) ** 2
-                        if 0 < square <= reach * reach and not math.isnan(z[i, j]):
-                            deepest = max(deepest, z[r, c] - z[i, j] - slope * math.sqrt(square))
-            out[r, c] = deepest
+        deepest[:] = -np.inf
+        for i in range(max(0, r - reach), min(rows, r + reach + 1)):
+            for right in range(-reach, reach + 1):
+                square = (i - r) ** 2 + right**2
+                if 0 < square <= reach * reach:
+                    start, stop = max(0, -right), min(cols, cols - right)
+                    there, least = z[i, start + right : stop + right], slope * math.sqrt(square)
+                    _deepen(z[r, start:stop], there, least, deepest[start:stop])
+        out[r] = deepest
+
+
+@helper
+def _deepen(here, there, least, deepest):
+    """Raise the deepest steps to those from here to there, along a row without a branch."""
+    for c in range(len(deepest)):
+        step = here[c] - there[c] - least
+        deepest[c] = step if step > deepest[c] else deepest[c]  # a step to NaN is none
 
 
 @helper
@@ -143,22 +152,31 @@ def raised(
 def levelled(first, last, votes, z, reach, step, slope, out):
     """Mean of the votes around each cell, over cells at about the same height."""
     rows, cols = z.shape
-    total, count = np.empty(cols), np.empty(cols)
+    total, count = np.empty(cols), np.empty(cols, np.float32)
     for r in range(first, last):
         total[:], count[:] = 0.0, 0.0
         for i in range(max(0, r - reach), min(rows, r + reach + 1)):
             for right in range(-reach, reach + 1):
                 away = math.sqrt((i - r) ** 2 + right**2)
-                if away > reach:
-                    continue
-                limit, start = step + slope * away, max(0, -right)
-                for c in range(start, min(cols, cols - right)):
-                    # A comparison with NaN is false: cells without data never count.
-                    same = abs(z[i, c + right] - z[r, c]) <= limit
-                    total[c] += votes[i, c + right] if same else 0.0
-                    count[c] += 1.0 if same else 0.0
+                if away <= reach:
+                    start, stop = max(0, -right), min(cols, cols - right)
+                    there = slice(start + right, stop + right)
+                    _add_alike(
+                        *(z[r, start:stop], z[i, there], step + slope * away, votes[i, there]),
+                        *(total[start:stop], count[start:stop]),
+                    )
         for c in range(cols):
             out[r, c] = total[c] / count[c] if count[c] else 0.0
+
+
+@helper
+def _add_alike(here, there, limit, votes, total, count):
+    """Add and count the votes of cells within a limit of height, along a row without a branch."""
+    for c in range(len(total)):
+        # A comparison with NaN is false: cells without data never count.
+        same = abs(there[c] - here[c]) <= limit
+        total[c] += votes[c] if same else np.float32(0.0)
+        count[c] += np.float32(1.0) if same else np.float32(0.0)
 
 
 @njit(cache=True, nogil=True)

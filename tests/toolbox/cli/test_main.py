@@ -74,6 +74,17 @@ def test_running_imports_no_library_before_a_tool_or_a_format_needs_it() -> None
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_a_model_of_points_and_rasters_loads_no_library_for_tables() -> None:
+    """Its step for water makes tables of features, and is off unless it is asked for."""
+    lazy = {"geopandas", "pandas"}
+    code = (
+        "import sys; from toolbox import catalog; catalog.load('models.terrain'); "
+        f"sys.exit(', '.join({lazy!r} & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_help_ends_with_two_commands_that_a_terminal_holds_and_a_shell_takes(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -59,12 +59,13 @@ def coordinates(header: LasHeader, packed: Array) -> NDArray[np.float64]:
     return xyz
 
 
-def axes_of(header: LasHeader, packed: Array) -> NDArray[np.float64]:
-    """The same coordinates axis by axis, of shape (3, n)."""
-    axes = np.empty((3, len(packed)))
-    for axis, name in enumerate("XYZ"):
-        np.multiply(packed[name], header.scales[axis], out=axes[axis])
-        axes[axis] += header.offsets[axis]
+def axes_of(header: LasHeader, packed: Array, names: str = "XYZ") -> NDArray[np.float64]:
+    """The same coordinates axis by axis, of shape (3, n), or of some axes only."""
+    axes = np.empty((len(names), len(packed)))
+    for k, name in enumerate(names):
+        axis = "XYZ".index(name)
+        np.multiply(packed[name], header.scales[axis], out=axes[k])
+        axes[k] += header.offsets[axis]
     return axes
 
 

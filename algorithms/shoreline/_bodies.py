@@ -602,19 +602,21 @@ def _holes(cells: CellGrid, least: int) -> Iterator[Hole]:
     for hole in _patches(cells.hole, least):
         edge = around(cells.lattice, hole, 1)
         heights = cells.low.ravel()[edge]
+        may_flow = is_long(cells, hole) or not cells.whole.ravel()[edge].all()
         edge, heights = edge[np.isfinite(heights)], heights[np.isfinite(heights)]
         if not len(heights):
             continue
         level = lowest_mode(heights, STEP * cells.metre)
-        tilt = _tilt_of(cells, edge[heights >= level - STEP * cells.metre])
-        yield Hole(hole, edge, heights, level, tilt)
+        higher = edge[heights >= level - STEP * cells.metre]
+        yield Hole(hole, edge, heights, level, _tilt_of(cells, higher) if may_flow else LEVEL)
 
 
 def _pools(cells: CellGrid, holes: Sequence[Hole], least: int) -> Iterator[Pool]:
     """Holes as starting cells, with the level at their edges.
 
     The edge of a lake is at one level, that of a shadow or of a gap between strips follows the
-    terrain, and so does that of a river.
+    terrain, and so does that of a river. A hole that is neither long nor reaches the edge of the
+    data holds no river: where its edge is tilted, as around a field on a terrace, that is its bank.
     """
     for hole in holes:
         if hole.tilt == LEVEL:

@@ -300,7 +300,9 @@ def _halves(xy: Floats, some: Ints) -> list[Ints]:
     return np.array_split(some[np.argsort(xy[some, axis], kind="stable")], 2)
 
 
-def edge_level(xyz: Floats, start: float, metre: float, step: float = 0.0) -> Level:
+def edge_level(
+    xyz: Floats, amid: NDArray[np.bool_], start: float, metre: float, step: float = 0.0
+) -> Level:
     """Level of a water body without returns, from points on its shore.
 
     The lowest points on a bank lie between the level and a spacing up the slope: their heights
@@ -309,11 +311,19 @@ def edge_level(xyz: Floats, start: float, metre: float, step: float = 0.0) -> Le
     lower quartile. Few heights do not tell which: how far these are apart is part of the error. So
     is how far the lowest heights are below: most of a shore may be a ledge above the water.
 
+    Ground that is seen amid a body is not below its level, but for a few errors. Where it was
+    poured up to a ledge all round, points on the bank say that this was too high.
+
     Parameters
     ----------
     xyz, start, metre, step : see :func:`level_of`
+    amid : array of shape (n,), points within the body rather than around it
     """
     heights = np.sort(xyz[:, 2])
+    few = max(FEWEST, math.ceil(FEW * np.count_nonzero(amid)))
+    if np.count_nonzero(amid) >= few:
+        seen = float(np.partition(xyz[amid, 2], few - 1)[few - 1])
+        start = seen if seen < start - EDGE * metre else start
     heights = heights[abs(heights - start) <= EDGE * metre]
     if len(heights) < FEWEST:
         rough = MOST_SIGMA * metre

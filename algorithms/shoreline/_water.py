@@ -356,7 +356,8 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float)
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
     core = open_water(cells, body)
     if cells.count.ravel()[core].sum() < FEWEST:
-        level = edge_level(flat, body.level, metre, step)
+        amid = np.isin(cells_of(xyz, lattice), body.cells)
+        level = edge_level(flat, amid, body.level, metre, step)
     else:
         deep = np.isin(cells_of(xyz, lattice), core)
         level = level_of(flat, strip, deep, body.level, metre, step)

@@ -419,6 +419,18 @@ def test_waters_that_are_hard_to_tell_are_found(kind: str, seed: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [4, 5])
+def test_fields_that_return_nothing_are_level_and_no_higher_than_their_banks(seed: int) -> None:
+    """The bund of the terrace above is higher: neither a slope nor the bund is the water's."""
+    made = waters.survey("rice_wet", seed, returned=0.0, density=4.0)
+    water = extract(made.points, bodies="all", sloped=True).water.frame
+    shapes = shapely.force_2d(water.geometry.to_numpy())
+    for outline, known in zip(made.outlines, made.waters, strict=True):
+        field = water.iloc[int(np.argmax(shapely.area(shapes & outline)))]
+        assert field.slope == 0
+        assert abs(field.level - known.level) < max(0.1, field.level_interval)
+
+
 def test_fields_on_terraces_are_found_and_ground_beside_them_is_none() -> None:
     """Nothing comes back from them, and the bund above each is higher than the one below.
 

@@ -218,6 +218,11 @@ def test_a_strip_that_is_far_off_is_not_left_out() -> None:
     assert level.interval > 0.12
 
 
+def nobody(xyz: np.ndarray) -> np.ndarray:
+    """False for all points: none lies within the body."""
+    return np.zeros(len(xyz), bool)
+
+
 def test_waves_at_the_shore_widen_the_interval() -> None:
     """Eight returns from waves of 0.1 m among those of a bank: the heights begin in a trough."""
     rng = np.random.default_rng(9)
@@ -225,7 +230,7 @@ def test_waves_at_the_shore_widen_the_interval() -> None:
     for _ in range(200):
         z = np.concatenate([rng.normal(0, 0.1, 8), rng.uniform(0, 0.4, 14)])
         xyz = np.column_stack([rng.uniform(0, 10, (len(z), 2)), z])
-        level = edge_level(xyz, float(np.quantile(z, 0.1)), 1.0)
+        level = edge_level(xyz, nobody(xyz), float(np.quantile(z, 0.1)), 1.0)
         ratios.append(abs(level.height) / level.interval)
     assert np.mean(np.array(ratios) <= 1) > 0.93
 
@@ -244,9 +249,22 @@ def test_a_ledge_above_the_water_is_not_taken_for_its_shore() -> None:
     rng = np.random.default_rng(1)
     ledge, bank = rng.normal(0.25, 0.02, 400), rng.uniform(0, 0.6, 300)
     xyz = np.column_stack([np.zeros((700, 2)), np.concatenate([ledge, bank])])
-    level = edge_level(xyz, 0.25, 1.0)
+    level = edge_level(xyz, nobody(xyz), 0.25, 1.0)
     assert level.height > 0.15
     assert abs(level.height) <= level.interval
+
+
+@pytest.mark.parametrize("ledge", [0.5, 0.7])
+def test_water_does_not_stand_above_ground_that_is_seen_in_it(ledge: float) -> None:
+    """Poured up to a bund all round, whose inner bank has a tenth of the points."""
+    rng = np.random.default_rng(2)
+    bund, bank = rng.normal(ledge, 0.02, 540), rng.uniform(0, ledge, 60)
+    xyz = np.column_stack([np.zeros((600, 2)), np.concatenate([bund, bank])])
+    amid = np.arange(600) >= 540
+    level = edge_level(xyz, amid, ledge, 1.0)
+    assert abs(level.height) < 0.15
+    assert abs(level.height) <= level.interval
+    assert edge_level(xyz, nobody(xyz), ledge, 1.0).height > ledge - 0.1
 
 
 def test_small_islands_are_told_from_waves_by_brightness(caplog: pytest.LogCaptureFixture) -> None:

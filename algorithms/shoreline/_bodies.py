@@ -690,7 +690,10 @@ def is_long(cells: CellGrid, some: Ints) -> bool:
 
 
 def _along_a_line(south: NDArray[Any], east: NDArray[Any]) -> bool:
-    wide, long = np.sqrt(np.linalg.eigvalsh(np.cov(south, east)))
+    if len(south) < 2:
+        return False
+    spread = np.linalg.eigvalsh(np.cov(south, east))
+    wide, long = np.sqrt(np.maximum(spread, 0))  # of one row it may be rounded below 0
     return bool(long >= LONG * wide)
 
 

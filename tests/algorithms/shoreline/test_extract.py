@@ -19,6 +19,7 @@ from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
 
 from algorithms.samples.scene import scene
 from algorithms.shoreline import extract as tool
+from algorithms.shoreline._bodies import _along_a_line
 from algorithms.shoreline._kernels import TAKEN, spread
 from algorithms.shoreline._level import _parts
 from algorithms.shoreline._outline import detail_of
@@ -419,6 +420,15 @@ def test_waters_that_are_hard_to_tell_are_found(kind: str, seed: int) -> None:
 
 
 @pytest.mark.slow
+def test_holes_of_a_cell_or_a_row_are_measured_without_a_warning() -> None:
+    """The variance across a slanted row of cells is -2e-16 by rounding."""
+    south = np.arange(7)
+    assert not _along_a_line(np.array([3]), np.array([4]))
+    for east in (np.full(7, 3), 2 * south, 3 * south, -7 * south):
+        assert _along_a_line(south, east)
+    assert not _along_a_line(*np.divmod(np.arange(25), 5))
+
+
 @pytest.mark.parametrize("seed", [4, 5])
 def test_fields_that_return_nothing_are_level_and_no_higher_than_their_banks(seed: int) -> None:
     """The bund of the terrace above is higher: neither a slope nor the bund is the water's."""

@@ -421,7 +421,7 @@ def test_waters_that_are_hard_to_tell_are_found(kind: str, seed: int) -> None:
 
 @pytest.mark.slow
 def test_holes_of_a_cell_or_a_row_are_measured_without_a_warning() -> None:
-    """The variance across a slanted row of cells is -2e-16 by rounding."""
+    """By rounding the variance across a slanted row of cells is below 0."""
     south = np.arange(7)
     assert not _along_a_line(np.array([3]), np.array([4]))
     for east in (np.full(7, 3), 2 * south, 3 * south, -7 * south):

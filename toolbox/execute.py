@@ -13,7 +13,7 @@ from pyproj import CRS
 
 from toolbox import catalog, language, renamed
 from toolbox.context import QUIET, Context, listening, log
-from toolbox.data.crs import length_problem, metres_per_unit, parse_crs, short_unit
+from toolbox.data.crs import length_problem, metres_per_unit, parse_crs, short_unit, unit_of
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError, memory_named
@@ -225,7 +225,7 @@ def _tell_lengths(spec: Spec, given: Mapping[str, Any], layers: Mapping[str, Any
     crs = next((layer.crs for layer in found if layer.is_spatial and layer.crs), None)
     if crs is None or length_problem(crs) or metres_per_unit(crs) == 1:
         return
-    unit = short_unit(crs)
+    unit = unit_of(metres_per_unit(crs)) or short_unit(crs)
     texts = [
         f"{name} {value:.6g} m = {value / metres_per_unit(crs):.7g} {unit}"
         for name, value in given.items()

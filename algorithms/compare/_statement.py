@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping
 import pandas as pd
 
 from algorithms.compare._spread import LEAST
+from toolbox.data.crs import Unit, own_unit
 
 STANDARD = (
     "ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2 (2024)"
@@ -28,17 +29,14 @@ NSSDA = "NSSDA, 1998, 3.2.2"
 EMPTIEST, APART = "NVA emptiest quarter", "NVA mean distance to next"  # items of a report
 CENTIMETRES = 100.0  # in a metre; classes of the standard are centimetres
 
-Feet = tuple[str, float] | None
-"""Name and metres of the unit of data in feet; None of others."""
 
-
-def statement(report: pd.DataFrame, feet: Feet = None) -> Iterator[str]:
+def statement(report: pd.DataFrame, unit: Unit | None = None) -> Iterator[str]:
     """Sentences on NVA and VVA from the rows of a report.
 
     Parameters
     ----------
     report : columns item and value, metres; and note, where checkpoints are uneven
-    feet : the unit of heights that are in feet, and its metres; errors are told in it, too
+    unit : of heights that are not in metres; errors are told in it, too
 
     Examples
     --------
@@ -69,17 +67,17 @@ checkpoints and 4.0 cm these themselves.
         )
     if count:
         yield from _distribution(report)
-        yield f"Non-vegetated vertical accuracy (NVA): {_actual('NVA', found, feet)}"
+        yield f"Non-vegetated vertical accuracy (NVA): {_actual('NVA', found, unit)}"
     if green := int(found.get("VVA checkpoints", 0)):
         yield (
             f"Vegetated vertical accuracy (VVA), reported as found at {green} checkpoints: "
-            f"{_actual('VVA', found, feet)}"
+            f"{_actual('VVA', found, unit)}"
         )
-    if feet and count:
-        unit, metres = feet
+    if unit and count:
+        name, metres = unit
         yield (
-            f"The data are in {unit}. Measures of this report are in metres, "
-            f"1 m = {1 / metres:.4f} {unit}; errors on its map are in {unit}."
+            f"The data are in {name}, and so are errors on a map. Files of measures are in metres, "
+            f"1 m = {1 / metres:.4f} {name}."
         )
 
 
@@ -100,24 +98,15 @@ def _distribution(report: pd.DataFrame) -> Iterator[str]:
         )
 
 
-def _actual(kind: str, found: Mapping[str, float], feet: Feet) -> str:
+def _actual(kind: str, found: Mapping[str, float], unit: Unit | None) -> str:
     """The RMSE found, and what it is made of."""
-    total, fit, own = (_length(found[f"{kind} RMSEV{part}"], feet) for part in ("", "1", "2"))
+    sizes = [found[f"{kind} RMSEV{part}"] for part in ("", "1", "2")]
+    total, fit, own = (f"{x * CENTIMETRES:.1f} cm{own_unit(x, unit)}" for x in sizes)
     if pd.isna(found[f"{kind} RMSEV2"]):
         return f"RMSEV {total}, the fit alone, as the error of the checkpoints is not given."
     return (
         f"RMSEV {total}, of which {fit} are the fit to the checkpoints and {own} these themselves."
     )
-
-
-def _length(size: float, feet: Feet) -> str:
-    """A length in centimetres, and in the feet of the data.
-
-    >>> _length(0.094, None), _length(0.094, ("ft", 0.3048))
-    ('9.4 cm', '9.4 cm (0.308 ft)')
-    """
-    text = f"{size * CENTIMETRES:.1f} cm"
-    return f"{text} ({size / feet[1]:.3f} {feet[0]})" if feet else text
 
 
 def horizontal(rmse: float | None) -> str:

@@ -32,7 +32,7 @@ from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
-from toolbox.data.crs import crs_conflict, feet_of_heights
+from toolbox.data.crs import crs_conflict, unit_of_heights
 from toolbox.data.layer import extents
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
@@ -210,7 +210,7 @@ class CompareSurfaces:
                     f"Surface less reference: mean {self.bias:.3f} m, RMSE {self.rmse:.3f} m, "
                     f"NMAD {self.nmad:.3f} m, at {self.count} cells."
                 )
-            return "\n".join(statement(self.report.frame, feet_of_heights(self.errors.crs)))
+            return "\n".join(statement(self.report.frame, unit_of_heights(self.errors.crs)))
 
         def not_looked_at(self) -> Iterator[str]:
             """What heights do not tell."""

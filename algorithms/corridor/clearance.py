@@ -56,6 +56,7 @@ from algorithms.corridor._clearance.rules import (
     LINE,
     NO_RULE,
     SEVERITIES,
+    TITLES,
     UNSURE,
     Rule,
     grown,
@@ -191,7 +192,11 @@ class CorridorClearance:
         "Conductors of your own", default=None, label="Own conductors"
     )
     rules: str = param(
-        "Name of a rule table of the toolbox", default="thesis", label="Rule set", offers=shipped()
+        "Name of a rule table of the toolbox",
+        default="thesis",
+        label="Rule set",
+        offers=shipped(),
+        words=TITLES,
     )
     distance: float | None = param(
         "One distance in space that all must keep, in place of rules",

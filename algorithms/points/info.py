@@ -64,7 +64,7 @@ class PointsInfo:
     class Outputs:
         table: Table = sink("One row per property: property, value, unit")
         count: int = sink("Number of points", unit="1")
-        density: float | None = sink("Points per square metre of covered ground", unit="1/m2")
+        density: float | None = sink("Density of points on covered ground", unit="1/m2")
         files: Table | None = sink("One row per file, where there are several")
 
     def halo(self) -> float:

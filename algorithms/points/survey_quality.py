@@ -24,7 +24,7 @@ from algorithms.shared.ground import taking_part, without_withheld
 from algorithms.shared.windows import between
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
-from toolbox.data.crs import in_feet, vertical_unit
+from toolbox.data.crs import own_unit, unit_of_heights, unit_of_lengths, vertical_unit
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
@@ -93,7 +93,7 @@ class PointsSurveyQuality:
                 "strip": Column("Strip"),
                 "first_returns": Column("First returns"),
                 "area_m2": Column("Area with points", "m²", 0),
-                "per_m2": Column("First returns per square metre", "1/m²", 2),
+                "per_m2": Column("Density of first returns", "1/m²", 2),
                 "spacing_m": Column("Spacing of pulses", "m", 2),
                 "thin_share": Column("Cells with less than half of the mean", "%", 1, 100.0),
                 "void_share": Column("Voids", "%", 2, 100.0),
@@ -111,7 +111,7 @@ class PointsSurveyQuality:
                 "largest_m": Column("Largest difference", "m", 3),
             },
         )
-        mean_density: float = sink("First returns per square metre of the survey", unit="1/m2")
+        mean_density: float = sink("Density of the first returns of the survey", unit="1/m2")
         spacing: float = sink("Spacing of pulses", unit="m", label="Spacing of pulses")
         thin_share: float = sink(
             "Share of cells with less than half of the mean density", unit="1", label="Thin share"
@@ -127,8 +127,9 @@ class PointsSurveyQuality:
 
         def in_words(self) -> str:
             """Density, voids and strips."""
-            density = in_feet(self.mean_density, self.density.crs, -2)
-            spacing = in_feet(self.spacing, self.density.crs)
+            unit = unit_of_lengths(self.density.crs)
+            density = own_unit(self.mean_density, unit, -2)
+            spacing = own_unit(self.spacing, unit)
             return (
                 f"The survey has {self.mean_density:.1f} pulses per square metre{density}, "
                 f"{self.spacing:.2f} m{spacing} apart; {100 * self.void_share:.2f} % of it are "
@@ -139,11 +140,13 @@ class PointsSurveyQuality:
             if self.strip_count < 2:
                 return "There is one strip, or the points do not tell."
             share = 100 * self.overlap_share
+            unit = unit_of_heights(self.density.crs)
             if self.strip_rms is None:
                 return f"{self.strip_count} strips overlap on {share:.0f} % of it."
             return (
                 f"{self.strip_count} strips overlap on {share:.0f} % of it, and differ there by "
-                f"{self.strip_rms:.3f} m (RMS of all pairs together) on flat ground."
+                f"{self.strip_rms:.3f} m{own_unit(self.strip_rms, unit)} (RMS of all pairs "
+                "together) on flat ground."
             )
 
         def not_looked_at(self) -> Iterator[str]:
@@ -211,7 +214,7 @@ class PointsSurveyQuality:
                 np.where(whole.inside, whole.density, np.nan),
                 lattice,
                 cloud,
-                "density, 1/m2",
+                "density",
                 "1/m2",
             ),
             strips=_raster(np.where(whole.inside, numbers, np.nan), lattice, cloud, "strips", "1"),

@@ -26,7 +26,7 @@ from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell, warn_of
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Vector
-from toolbox.data.crs import in_feet, short_height_unit
+from toolbox.data.crs import own_unit, short_height_unit, unit_of_lengths
 from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -147,10 +147,11 @@ class ShorelineExtract:
                 float(self.water.frame[name].iloc[0]) for name in ("level", "level_interval")
             )
             unit = short_height_unit(self.water.crs)
-            feet = in_feet(self.area, self.water.crs, 2)
-            reach = f"{self._area_reach:.0f} m²{in_feet(self._area_reach, self.water.crs, 2)}"
+            lengths = unit_of_lengths(self.water.crs)
+            area = f"{self.area:.0f} m²{own_unit(self.area, lengths, 2)}"
+            reach = f"{self._area_reach:.0f} m²{own_unit(self._area_reach, lengths, 2)}"
             words = (
-                f"{bodies} of {self.area:.0f} m²{feet} in all, {reach} more or less; "
+                f"{bodies} of {area} in all, {reach} more or less; "
                 f"{which} is {f'{level:.3f} {unit}'.rstrip()}"
             )
             if not math.isfinite(interval):
@@ -171,8 +172,9 @@ class ShorelineExtract:
             for row in frame.to_dict("records") if len(frame) else []:
                 if row["open_length"]:
                     yield (
-                        f"Body {row['body']}: {row['open_length']:.0f} of {row['perimeter']:.0f} m "
-                        "of its outline is the edge of the data, not a shore"
+                        f"Water body {row['body']}: {row['open_length']:.0f} of "
+                        f"{row['perimeter']:.0f} m of its outline is the edge of the data, not a "
+                        "shore"
                     )
 
     def check(self) -> Iterator[tuple[str, str]]:
@@ -269,7 +271,8 @@ def _warn(outlines: Sequence[Outline]) -> None:
         for _, row in outline.rows():
             if row["open_length"]:
                 log.warning(
-                    "body %d: %.0f of %.0f m of its outline is the edge of the data, not a shore",
+                    "water body %d: %.0f of %.0f m of its outline is the edge of the data, "
+                    "not a shore",
                     row["body"],
                     row["open_length"],
                     row["perimeter"],

@@ -20,7 +20,7 @@ from algorithms.shared.heights import heights_problem
 from algorithms.shared.polygons import cells_within, polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
-from toolbox.data.crs import feet_of_heights
+from toolbox.data.crs import unit_of_heights
 from toolbox.declare import outputs, param, sink, source, tool
 from toolbox.errors import DataError
 
@@ -79,7 +79,7 @@ class SurfaceFlattenWater:
                 return "No water lies on the terrain: it is as it was."
             if not self.raised:
                 return "The water is level, and no ground at its shore lies lower."
-            unit, metres = feet_of_heights(self.flattened.crs) or ("m", 1.0)
+            unit, metres = unit_of_heights(self.flattened.crs) or ("m", 1.0)
             return (
                 f"The water is level; {self.raised} cells of the shore were lower, and raised to "
                 f"it by at most {self.largest_raise / metres:.2f} {unit}."
@@ -132,7 +132,7 @@ class SurfaceFlattenWater:
                 "%d empty cells at shores have heights between water and ground, at most %g m from "
                 "the water",
                 closed,
-                self.shore,
+                self.shore / self.terrain.metre,
             )
         if apart := len(bodies) - level_bodies:
             log.warning("%d of %d bodies of water hold no cell of the terrain", apart, len(bodies))

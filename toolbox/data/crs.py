@@ -15,6 +15,7 @@ from typing import Any
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from toolbox.data.measures import telling
 from toolbox.errors import DataError
 
 
@@ -59,6 +60,12 @@ UNITS_OF_LENGTH = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937, "cm": 0.01, "mm
 
 _UNITS = {1.0: "metre", 0.3048: "foot", 1200 / 3937: "US survey foot"}
 _UNITS |= {0.001: "millimetre", 0.01: "centimetre"}
+LENGTHS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
+LENGTHS |= {"millimetre": "mm", "centimetre": "cm"}
+"""Units of length as people write them, by their names."""
+
+Unit = tuple[str, float]
+"""A unit of length as people write it, and its metres."""
 
 
 def parse_crs(text: str) -> CRS:
@@ -238,14 +245,16 @@ def vertical_unit(crs: CRS | None) -> str:
 
 
 def short_unit(crs: CRS) -> str:
-    """The unit of lengths in a CRS, as it may be written behind a value.
+    """The unit of lengths in a CRS, as people write it.
 
     Examples
     --------
     >>> short_unit(CRS(2263)), short_unit(CRS(32635))
-    ('us-ft', 'm')
+    ('US ft', 'm')
     """
-    return unit_of(metres_per_unit(crs)) or str(horizontal_crs(crs).axis_info[0].unit_name)
+    name = str(horizontal_crs(crs).axis_info[0].unit_name)
+    metres = metres_per_unit(crs)
+    return next((LENGTHS[known] for size, known in _UNITS.items() if _close(metres, size)), name)
 
 
 def unit_of(metres: float) -> str:
@@ -260,50 +269,68 @@ def unit_of(metres: float) -> str:
 
 
 def short_height_unit(crs: CRS | None) -> str:
-    """The unit of heights, as it may be written behind a value; "" if it is not known.
+    """The unit of heights, as people write it; "" if it is not known.
 
     Examples
     --------
     >>> short_height_unit(CRS(2263)), short_height_unit(CRS(32635)), short_height_unit(None)
-    ('us-ft', 'm', '')
+    ('US ft', 'm', '')
     """
     name = vertical_unit(crs)
-    return next((unit_of(size) for size, known in _UNITS.items() if known == name), "")
+    return LENGTHS.get(name, name)
 
 
-def feet_of_heights(crs: CRS | None) -> tuple[str, float] | None:
-    """The unit of heights that are in feet, and its metres; None if they are not.
+def unit_of_heights(crs: CRS | None) -> Unit | None:
+    """The unit of heights where it is known, and not the metre.
 
     Examples
     --------
-    >>> feet_of_heights(CRS(2222)), feet_of_heights(CRS(32635))
+    >>> unit_of_heights(CRS(2222)), unit_of_heights(CRS(32635))
     (('ft', 0.3048), None)
     """
     unit = short_height_unit(crs)
-    return None if unit in ("m", "") else (unit, UNITS_OF_LENGTH[unit])
+    return None if crs is None or unit in ("m", "") else (unit, metres_per_height(crs))
 
 
-def in_feet(size: float, crs: CRS | None, power: int = 1) -> str:
-    """A length, area (power 2) or density (-2) of metres in the feet of the data, in brackets.
-
-    Returns
-    -------
-    str
-        Empty where the data are in no feet.
+def unit_of_lengths(crs: CRS | None) -> Unit | None:
+    """The unit of lengths where it is known, and not the metre.
 
     Examples
     --------
-    >>> in_feet(0.68, CRS(2222)), in_feet(100.0, CRS(2222), 2), in_feet(2.0, CRS(2263), -2)
-    (' (2.23 ft)', ' (1076 ft²)', ' (0.19/us-ft²)')
-    >>> in_feet(100.0, CRS(32635), 2)
+    >>> unit_of_lengths(CRS(2222)), unit_of_lengths(CRS(32635)), unit_of_lengths(CRS(4326))
+    (('ft', 0.3048), None, None)
+    """
+    if crs is None or length_problem(crs):
+        return None
+    unit = short_unit(crs)
+    return None if unit == "m" else (unit, metres_per_unit(crs))
+
+
+def own_unit(size: float, unit: Unit | None, power: int = 1, digits: int = 3) -> str:
+    """A length, area (power 2) or density (-2) of metres in the unit of the data, in brackets.
+
+    Parameters
+    ----------
+    size : in metres
+    unit : of the data; None of data in metres, which have nothing in brackets
+    digits : that tell something; whole numbers have none after the point
+
+    Examples
+    --------
+    >>> own_unit(0.68, ("ft", 0.3048)), own_unit(100.0, ("ft", 0.3048), 2)
+    (' (2.23 ft)', ' (1076 ft²)')
+    >>> own_unit(0.04, ("US ft", 1200 / 3937), -2), own_unit(0.6096, ("ft", 0.3048), digits=4)
+    (' (0.00372/US ft²)', ' (2 ft)')
+    >>> own_unit(100.0, None, 2)
     ''
     """
-    metres = metres_per_unit(crs) if length_problem(crs) is None else 1.0
-    unit = unit_of(metres)
-    if not unit.endswith("ft"):
+    if unit is None:
         return ""
+    name, metres = unit
     own = size / metres**power
-    said = {1: f"{own:.2f} {unit}", 2: f"{own:.0f} {unit}²", -2: f"{own:.2f}/{unit}²"}
+    whole = _close(own, round(own))
+    text = f"{own:.{0 if whole else telling(abs(own), digits)}f}"
+    said = {1: f"{text} {name}", 2: f"{text} {name}²", -2: f"{text}/{name}²"}
     return f" ({said[power]})"
 
 

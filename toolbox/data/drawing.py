@@ -15,7 +15,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context
 from toolbox.data import dxf
-from toolbox.data.crs import crs_of, metres_per_unit, vertical_unit
+from toolbox.data.crs import crs_of, metres_per_unit, short_height_unit
 from toolbox.data.layer import Layer, text_array
 from toolbox.data.reading import errors_named
 from toolbox.data.record import CHUNK, own_side_car, side_car, write_beside
@@ -38,7 +38,6 @@ _PIXELS = 100_000_000  # of a PNG; more are taken for a mistake in the scale
 _APART = 8.0  # mm between two lines of the grid at least
 _MARK = 0.5  # mm, size of a point on paper
 _INK, _GRID = "#222222", "#d9d9d9"
-_UNITS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
 
 Array = NDArray[np.float64]
 
@@ -279,7 +278,7 @@ class Drawing(Layer):
         axes.set_axisbelow(True)
         axes.tick_params(labelsize=6, colors=_INK, width=0.4, length=2)
         axes.ticklabel_format(useOffset=False, style="plain")
-        unit = _UNITS.get(vertical_unit(self.crs), "")
+        unit = short_height_unit(self.crs)
         axes.set_ylabel(f"height [{unit}]" if unit else "height", size=6, color=_INK)
         axes.set_xlabel(f"length [{unit}]" if unit else "length", size=6, color=_INK)
         axes.set_title(panel.title, size=7, color=_INK, loc="left", pad=3)

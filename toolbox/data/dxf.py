@@ -43,6 +43,7 @@ _DASH = 5.0, 3.0  # heights of a text, or parts in 300 of the drawing: a stroke 
 _CROSS, _SHARE = 35, -1.5  # points are shown as circles with a cross, in percent of the view
 _SCREEN = 1.5  # width over height of the window in which a drawing opens
 _AROUND = 1.1  # height of what is seen there over that of the drawing
+_STYLE = "measured"  # of dimensions
 _BY_LAYER = 256  # colour of lines: that of their layer
 _SIZE = 2.0  # of texts that say none, in the unit of the drawing
 SEVERITY, INDEX = "severity", "is_index"
@@ -407,13 +408,16 @@ def _dimension(
     if not math.isclose(shift, ABOVE + 0.5):
         up = shift * height / math.hypot(x1 - x0, y1 - y0)
         place = ((x0 + x1) / 2 - up * (y1 - y0), (y0 + y1) / 2 + up * (x1 - x0))
+    if _STYLE not in space.doc.dimstyles:  # LibreCAD reads no other look than that of the header
+        style = space.doc.dimstyles.new(_STYLE, dxfattribs=look)
+        style.copy_to_header(space.doc)
     made = space.add_linear_dim(
         base=(x0, y0),
         p1=(x0, y0),
         p2=(x1, y1),
         angle=math.degrees(math.atan2(y1 - y0, x1 - x0)),
         location=place,
-        dimstyle="Standard",
+        dimstyle=_STYLE,
         override=look,
         dxfattribs=dict(how),
     )

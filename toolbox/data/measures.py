@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 VALUE, UNIT = "value", "unit"
 _DIGITS = {"m": 3, "ft": 3, "m2": 2, "ft2": 2, "m3": 1, "ft3": 1, "%": 2, "deg": 4, "points": 0}
+_DIGITS |= {"ft²": 2, "ft³": 1, "US ft": 3, "US ft²": 2, "US ft³": 1}
 TELLING = 4  # digits of numbers in other units, and of ratios
 _OF_INTERVAL = 2  # digits of the width of an interval, so that its limits differ
 _MOST = 8  # digits after the point: a double has no more of a coordinate

@@ -57,7 +57,7 @@ class Field:
     show : how an output is shown in a plot
     label : its title, where the words of the name are not those of its users
     offers : texts that dialogs offer, besides which others are valid
-    words : what a choice is called, where its own words do not say enough
+    words : what a choice or an offer is called, where its own words do not say enough
     columns : how the columns of an output are shown in a report, by name
     listed : whether a report lists the features of an output, which no other table has
     also : formats for layers of a certain content that an output is written in, too

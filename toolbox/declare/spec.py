@@ -95,7 +95,8 @@ def param(
     of : the source to which an `Attribute` or `Expression` refers, or whose attributes or bands
         dialogs offer for a text or number
     label : its title in dialogs, where the words of its name are not those of its users
-    words : what dialogs call each choice, where its own words do not say enough
+    words : what dialogs and reports call each choice, and reports each of `offers`, where its own
+        words do not say enough
     offers : texts that dialogs offer, such as names of what the toolbox brings along; others may
         be given
     limits : gt, ge, lt, le
@@ -345,7 +346,7 @@ def _field_mistakes(spec: Spec, field: Field) -> Iterator[str]:
         )
     if field.label and (not LABEL.fullmatch(field.label) or len(field.label) > LONGEST_LABEL):
         yield f"a label has a capital and at most {LONGEST_LABEL} characters, got {field.label!r}"
-    if unknown := field.words.keys() - set(field.choices):
+    if unknown := field.words.keys() - {*field.choices, *field.offers}:
         yield f"words for what is no choice: {', '.join(map(str, unknown))}"
     if field.limits.keys() - MEETS.keys():
         yield f"limits are {', '.join(MEETS)}"

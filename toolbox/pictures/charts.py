@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import Table, Vector
-from toolbox.data.crs import vertical_unit
+from toolbox.data.crs import LENGTHS, short_height_unit
 from toolbox.declare.show import Axis, Curve, Histogram, Profile
-from toolbox.pictures.images import LENGTHS
 from toolbox.pictures.maps import INK, LEFT, WIDTH, Place, fractions
 
 if TYPE_CHECKING:
@@ -95,8 +94,8 @@ class Sections:
             (own[show.along].to_numpy(float), own[show.across].to_numpy(float))
             for _, own in frame.groupby(show.line)
         ]
-        unit = vertical_unit(layer.crs)
-        text = f" ({LENGTHS.get(unit, unit)})" if unit else ""
+        unit = short_height_unit(layer.crs)
+        text = f" ({unit})" if unit else ""
         note = f", {show.note}" if show.note else ""
         labels = f"{show.along}{text}", f"{show.across}{text}{note}"
         return cls(f"{title} along the line", lines, labels)

@@ -14,7 +14,8 @@ from pyproj import CRS
 
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.asprs import CLASSES, COLOURS
-from toolbox.data.crs import vertical_unit
+from toolbox.data.crs import LENGTHS, vertical_unit
+from toolbox.data.report import unit_text
 from toolbox.declare.show import Classes, Planes, Show, Values
 from toolbox.pictures.oblique import oblique
 
@@ -41,9 +42,6 @@ _PIXELS = 1000  # at most, along the longer side of a map
 _MOST_DIGITS = 6  # after the point, of the ends of a ramp
 _MANY = 20  # more distinct values than this are no classes
 _OF_Z = re.compile(r"\bz \(\w+\)")
-LENGTHS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
-LENGTHS |= {"millimetre": "mm", "centimetre": "cm"}
-"""Short names of units of length."""
 
 
 @dataclass(frozen=True)
@@ -280,7 +278,7 @@ def _relief(height: Array, cell: float, bounds: Bounds, label: str) -> Image:
 
 def _label(text: str, unit: str) -> str:
     """Text and unit, such as "Elevation (m)"."""
-    short = "" if unit == "1" else LENGTHS.get(unit, unit)
+    short = LENGTHS.get(unit) or unit_text(unit)
     return f"{text} ({short})" if text and short else text or short
 
 

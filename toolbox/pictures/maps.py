@@ -13,10 +13,10 @@ from pyproj import CRS
 
 from toolbox import language
 from toolbox.data import Vector
-from toolbox.data.crs import length_problem, vertical_unit
+from toolbox.data.crs import length_problem, short_height_unit
 from toolbox.declare.show import Isolines, Texts, colour_of
 from toolbox.pictures.features import Coloured, feature_colours, feature_key
-from toolbox.pictures.images import LENGTHS, Bounds, Image, Key, Looks, Ramp
+from toolbox.pictures.images import Bounds, Image, Key, Looks, Ramp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -244,7 +244,7 @@ def _show_scale(axes: Axes, panel: Panel) -> None:
 
     width = panel.bounds[2] - panel.bounds[0]
     length = round_length(width / 4.5)
-    unit = LENGTHS.get(vertical_unit(panel.crs), "units")
+    unit = short_height_unit(panel.crs) or "units"
     text = f"{length / 1000:g} km" if unit == "m" and length >= 1000 else f"{length:g} {unit}"
     share, inch = length / width, 1 / panel.height
     box: dict[str, Any] = {"transform": axes.transAxes, "zorder": 9, "ec": "none"}

@@ -13,10 +13,9 @@ from pyproj import CRS
 
 from toolbox.data import Lattice, PointCloud, Raster, Rows, Section, Table
 from toolbox.data.asprs import class_name
-from toolbox.data.crs import describe_crs, height_system, length_problem, short_unit
+from toolbox.data.crs import LENGTHS, describe_crs, height_system, length_problem, short_unit
 from toolbox.data.report import Column, unit_text
 from toolbox.declare.fields import Spec
-from toolbox.pictures.images import LENGTHS
 from toolbox.reports import words
 
 _SHARE = {"Share": Column("Share", "%", 1, 100.0)}

@@ -13,9 +13,8 @@ from toolbox.data.crs import (
     describe_crs,
     height_system,
     is_local,
-    length_problem,
-    metres_per_unit,
-    short_unit,
+    own_unit,
+    unit_of_lengths,
 )
 from toolbox.data.layer import Layer
 from toolbox.data.report import unit_text
@@ -28,18 +27,24 @@ if TYPE_CHECKING:
 _ALWAYS = ("cell", "rules", "voltage")  # settings that are told also at their defaults
 _INSTEAD = {"rules": "distance"}  # a setting that is not used where another one is given
 _MOST_FILES = 4  # that are named
+_DIGITS = 4  # of a setting in the unit of the data
 
 
 def facts_of(
     spec: Spec, found: Mapping[str, Any], record: Record | None, given: Mapping[str, Any]
 ) -> tuple[tuple[str, str], ...]:
     """What the head of a report says of a run, as pairs of name and text."""
-    layers = [layer for value in (*given.values(), *found.values()) for layer in _each(value)]
+    layers = layers_of(given, found)
     facts = [("Date of the survey", survey_date(layers)), *_places(layers)]
     facts += [("Input", text) for text in _inputs(record)]
     facts += [("Settings", text) for text in [chosen_settings(spec, record, layers)] if text]
     facts += [("Made with", f"lidar-toolbox {__version__}, {spec.id}")]
     return tuple((name, text) for name, text in facts if text)
+
+
+def layers_of(given: Mapping[str, Any], found: Mapping[str, Any]) -> list[Layer]:
+    """The layers of a run: those that were read, then the results."""
+    return [layer for value in (*given.values(), *found.values()) for layer in _each(value)]
 
 
 def _each(value: Any) -> Iterator[Layer]:
@@ -88,7 +93,8 @@ def chosen_settings(spec: Spec, record: Record | None, layers: Sequence[Layer] =
     """
     if record is None:
         return ""
-    parts = []
+    crs: CRS | None = next((x.crs for x in layers if x.is_spatial and x.crs is not None), None)
+    data_unit, parts = unit_of_lengths(crs), []
     for name, value in record.parameters.items():
         field = spec.inputs[name]
         if record.parameters.get(_INSTEAD.get(name, "")) is not None:
@@ -96,17 +102,9 @@ def chosen_settings(spec: Spec, record: Record | None, layers: Sequence[Layer] =
         default = None if field.required else field.to_json(field.default)
         if value is not None and (value != default or name in _ALWAYS):
             unit = "" if isinstance(value, str) else unit_text(field.unit)
-            title, shown = language.text(field.title), words.setting_text(value)
+            title, shown = language.text(field.title), words.setting_of(field, value)
             shown = language.text(shown) if isinstance(value, bool) else shown
-            own = _in_own_unit(value, field.unit, layers)
+            is_length = field.unit == "m" and isinstance(value, float | int)
+            own = own_unit(value, data_unit, digits=_DIGITS) if is_length else ""
             parts.append(f"{title} {shown} {unit}".strip() + own)
     return "; ".join(parts)
-
-
-def _in_own_unit(value: Any, unit: str | None, layers: Sequence[Layer]) -> str:
-    """A length in the unit of the data, in brackets; "" where these are in metres."""
-    crs: CRS | None = next((x.crs for x in layers if x.is_spatial and x.crs is not None), None)
-    if unit != "m" or not isinstance(value, float | int) or crs is None or length_problem(crs):
-        return ""
-    name = short_unit(crs)
-    return "" if name == "m" else f" ({value / metres_per_unit(crs):.4g} {name})"

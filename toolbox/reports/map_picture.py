@@ -98,7 +98,7 @@ def _draw(axes: Axes, group: Mapping[str, Any], x0: float, y0: float) -> None:
         return
     if group["shape"] == "area":
         areas = [Path.make_compound_path(*(Path(p, closed=True) for p in f)) for f in features]
-        axes.add_collection(PathCollection(areas, facecolor=f"{colour}33", edgecolor="none"))
+        axes.add_collection(PathCollection(areas, facecolor=f"{colour}66", edgecolor="none"))
     wide = _THIN if group.get("thin") else _LINE
     axes.add_collection(LineCollection(flat, colors=colour, linewidths=wide, zorder=3))
 
@@ -120,11 +120,13 @@ def _ramp(axes: Axes, key: Ramp, below: float, tall: float) -> None:
 def _scale(axes: Axes, data: Mapping[str, Any], width: float) -> None:
     """A scale bar, and an arrow to the north."""
     how: dict[str, Any] = {"transform": axes.transAxes, "color": INK, "zorder": 6}
-    if data["metre"]:
-        length = round_length(width / data["metre"] / 5)
-        share = length * data["metre"] / width
+    if data["length"]:
+        name, size = data["length"]
+        length = round_length(width / size / 5)
+        share = length * size / width
         axes.plot([0.03, 0.03 + share], [0.03, 0.03], lw=2.5, **how)
-        text = f"{length / 1000:g} km" if length >= 1000 else f"{length:g} m"
+        far = name == "m" and length >= 1000
+        text = f"{length / 1000:g} km" if far else f"{length:g} {name}"
         box = {"facecolor": "#ffffffd8", "edgecolor": "none", "pad": 1.5}
         axes.text(0.03, 0.04, text, fontsize=7, bbox=box, va="bottom", **how)
     if data["north"]:
@@ -146,7 +148,7 @@ def _of_layers(layers: Sequence[Mapping[str, Any]]) -> Iterator[Any]:
             elif group["shape"] == "line":
                 yield Line2D([], [], color=colour, lw=1.5, label=label)
             else:
-                yield Patch(facecolor=f"{colour}33", edgecolor=colour, label=label)
+                yield Patch(facecolor=f"{colour}66", edgecolor=colour, label=label)
 
 
 def _of_image(image: Image | None) -> Iterator[Any]:

@@ -13,7 +13,13 @@ import numpy as np
 import shapely
 
 from toolbox.data import Figure, PointCloud, Raster, Vector
-from toolbox.data.crs import crs_conflict, is_local, length_problem, vertical_unit
+from toolbox.data.crs import (
+    crs_conflict,
+    is_local,
+    length_problem,
+    short_height_unit,
+    unit_of_lengths,
+)
 from toolbox.data.layer import Layer
 from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
@@ -21,7 +27,6 @@ from toolbox.declare.show import Classes, Isolines, Show, Values, colour_of
 from toolbox.pictures.draw import Shown, drawable, is_apart
 from toolbox.pictures.features import feature_classes
 from toolbox.pictures.images import (
-    LENGTHS,
     Bounds,
     Image,
     Ramp,
@@ -110,13 +115,13 @@ def _map(bases: Sequence[Base], layers: Mapping[str, Shown], titles: Mapping[str
     origin = math.floor(west), math.floor(south)
     step = max(east - west, north - south) / _FINEST
     overlays, left_out = _overlays(layers, titles, origin, step)
-    unit = LENGTHS.get(vertical_unit(crs), "") if crs is not None else ""
+    unit = short_height_unit(crs)
     names = ("x", "y") if crs is None or is_local(crs) else ("Easting", "Northing")
     data = {
         "x0": origin[0],
         "y0": origin[1],
         "bounds": _relative((west, south, east, north), origin),
-        "metre": first.metre if length_problem(crs) is None else None,
+        "length": _of_scale(first),
         "north": crs is not None and not is_local(crs),
         "axes": [f"{name} [{unit}]" if unit else name for name in names],
         "bases": [_base(name, image, origin) for name, image, _, _ in bases],
@@ -127,6 +132,14 @@ def _map(bases: Sequence[Base], layers: Mapping[str, Shown], titles: Mapping[str
         _caption(bases, [titles[n] for n in layers], left_out),
     )
     return Plot("map", data, picture, functools.partial(_others, data, bases))
+
+
+def _of_scale(layer: Layer) -> tuple[str, float] | None:
+    """The unit of the scale bar, feet of data in feet, and its length in the data; None without."""
+    if length_problem(layer.crs):
+        return None
+    unit = unit_of_lengths(layer.crs)
+    return (unit[0], 1.0) if unit and unit[0].endswith("ft") else ("m", layer.metre)
 
 
 def _others(data: Mapping[str, Any], bases: Sequence[Base]) -> Iterator[Figure]:

@@ -14,9 +14,10 @@ from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
 from toolbox.reports import counted, words
 from toolbox.reports.counted import Cells
-from toolbox.reports.facts import chosen_settings, facts_of
+from toolbox.reports.facts import chosen_settings, facts_of, layers_of
 from toolbox.reports.maps import DRAWING, maps_of
 from toolbox.reports.space import space_of
+from toolbox.reports.units import in_unit, unit_of_data
 
 if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
@@ -90,8 +91,9 @@ def page(
         *_settings(spec, record),
         *_made(spec, record),
     ]
+    unit = unit_of_data(layers_of(told.given, found))
     summary, head = said(spec, found, record, told)
-    return Report(spec.title, sections, summary=summary, head=head, name=spec.id)
+    return Report(spec.title, in_unit(sections, unit), summary=summary, head=head, name=spec.id)
 
 
 def said(
@@ -127,7 +129,8 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
     facts = facts_of(spec, {}, record, {})
     head = _head(facts, told.warnings if told else (), report.head.unseen)
     sections = [*report.sections, *_settings(spec, record), *_made(spec, record)]
-    return Report(report.title, sections, summary=report.summary, head=head, name=report.name)
+    shown = in_unit(sections, unit_of_data(layers_of(told.given if told else {}, {})))
+    return Report(report.title, shown, summary=report.summary, head=head, name=report.name)
 
 
 def in_order(plots: Sequence[Section]) -> list[Section]:
@@ -197,9 +200,10 @@ def _given_up(spec: Spec, found: Mapping[str, Any], told: Told) -> Iterator[str]
     """What is said of classes of the input that the classified points do not have."""
     points = _points(found, told)
     before = next((n for n in spec.sources if n in points), None)
-    after = next((n for n in spec.results if n in points and n in found), None)
+    made = found.keys() | told.by_class.keys()
+    after = next((n for n in spec.results if n in points and n in made), None)
     if before and after:
-        became = counted.became(told.given.get(before), found[after])
+        became = counted.became(told.given.get(before), found.get(after))
         yield from counted.given_up(points[before], points[after], became)
 
 
@@ -266,7 +270,7 @@ def _settings(spec: Spec, record: Record | None) -> list[Section]:
         {
             "Setting": field.title,
             "Meaning": field.help,
-            "Value": words.setting_text(record.parameters[name]),
+            "Value": words.setting_of(field, record.parameters[name]),
             "Unit": unit_text(field.unit),
             "Name": name,
         }

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import Figure, PointCloud, Raster, Vector
-from toolbox.data.crs import crs_conflict, is_local, vertical_unit
+from toolbox.data.crs import crs_conflict, is_local, short_height_unit
 from toolbox.data.layer import Layer
 from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
 from toolbox.declare.show import Classes, Planes, Show, Values
 from toolbox.pictures.draw import drawable
-from toolbox.pictures.images import LENGTHS, OTHER, Ramp, point_key
+from toolbox.pictures.images import OTHER, Ramp, point_key
 from toolbox.pictures.oblique import direction_of
 from toolbox.pictures.views import Item, view_png
 from toolbox.reports import words
@@ -79,7 +79,7 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
     towards = direction_of(scene.cloud, _planes(scene.show))
     span = np.concatenate([item.xyz for item in items if item.kind == "points"])
     step = max(float(np.abs(span).max()) / _STEPS, 0.001)
-    unit = LENGTHS.get(vertical_unit(scene.cloud.crs), "")
+    unit = short_height_unit(scene.cloud.crs)
     labels = ("x", "y", "z") if is_local_or_none(scene.cloud) else ("East", "North", "Up")
     data = {
         "origin": scene.origin.tolist(),

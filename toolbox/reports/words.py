@@ -8,14 +8,14 @@ from dataclasses import replace
 from typing import Any
 
 from toolbox import language
-from toolbox.data.crs import vertical_unit
+from toolbox.data.crs import short_height_unit
 from toolbox.data.layer import Layer
 from toolbox.data.report import Column, unit_text
 from toolbox.declare.fields import Field, Spec
 from toolbox.labels import in_words
-from toolbox.pictures.images import LENGTHS
 
 _FOLDERS = re.compile(r"(?<![\w:/.\\])(?:[A-Za-z]:[\\/]|/(?=[^\s/]+/))(?:[^\s/\\:;,]+[\\/])+")
+_WHOLE = 100  # square and cubic metres from which on parts of one tell nothing
 _SHARE = re.compile(r"\bshare\b", re.I)
 
 
@@ -27,7 +27,7 @@ def value_text(value: Any, unit: str | None) -> str:
         return str(value)
     if unit == "m":
         return f"{value:.3f}"
-    if unit in ("m2", "m3") and abs(value) >= 100:
+    if unit in ("m2", "m3") and abs(value) >= _WHOLE:
         return f"{value:.0f}"
     return f"{value:.4g}" if abs(value) < 1000 else f"{value:.1f}"
 
@@ -43,7 +43,8 @@ def result_value(value: Any, unit: str | None, help: str) -> tuple[Any, str]:
     if _in_percent(value, unit, help):
         return value * 100, "%"
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    return value if number else value_text(value, unit), unit or ""
+    whole = unit in ("m2", "m3") and isinstance(value, float) and abs(value) >= _WHOLE
+    return (round(value) if whole else value) if number else value_text(value, unit), unit or ""
 
 
 def _in_percent(value: Any, unit: str | None, help: str) -> bool:
@@ -78,6 +79,20 @@ def setting_text(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(setting_text(item) for item in value)
     return f"{value:.15g}" if isinstance(value, float) else str(value)
+
+
+def setting_of(field: Field, value: Any) -> str:
+    """The value of a setting; a word that says too little after what it is called.
+
+    Examples
+    --------
+    >>> from toolbox import catalog
+    >>> thin = catalog.load("points.thin").inputs
+    >>> setting_of(thin["dimensions"], 2), setting_of(thin["cell"], 2.0)
+    ('Columns (2)', '2')
+    """
+    called = field.words.get(value) if isinstance(value, str | int) else None
+    return f"{language.text(called)} ({value})" if called else setting_text(value)
 
 
 def title_of(name: str) -> str:
@@ -115,7 +130,7 @@ def anchor_of(name: str) -> str:
 
 def columns_in(columns: Mapping[str, Column], layer: Layer) -> dict[str, Column]:
     """Columns in the unit of a layer where they say "unit" or "unit²"."""
-    unit = LENGTHS.get(vertical_unit(layer.crs), "") if layer.crs is not None else ""
+    unit = short_height_unit(layer.crs)
     own = {"unit": unit, "unit²": f"{unit}²" if unit else ""}
     return {n: replace(c, unit=own.get(c.unit, c.unit)) for n, c in columns.items()}
 

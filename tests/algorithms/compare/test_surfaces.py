@@ -478,9 +478,10 @@ def test_tables_are_metres_and_layers_feet() -> None:
         feet.errors.frame["error"][:8] * foot, metric.errors.frame["error"][:8], atol=1e-7
     )
     told = feet.in_words()
-    assert f"cm ({metric.rmse / foot:.3f} us-ft)" in told
-    assert "1 m = 3.2808 us-ft; errors on its map are in us-ft." in told
-    assert "us-ft" not in metric.in_words()
+    assert re.search(rf"cm \({metric.rmse / foot:.3g}\d* US ft\)", told)
+    assert "The data are in US ft, and so are errors on a map." in told
+    assert "metres, 1 m = 3.2808 US ft." in told
+    assert "US ft" not in metric.in_words()
 
 
 def test_histogram_counts_every_error_once() -> None:

@@ -108,7 +108,7 @@ def test_words_have_the_feet_of_the_data_beside_metres(tmp_path: Path) -> None:
     place = tmp_path / "a.html"
     made = toolbox.run("points.survey_quality", {"points": feet, "cell": 2.0, "page": place})
     density, spacing = made["mean_density"], made["spacing"]
-    said = f"{density:.1f} pulses per square metre ({density * 0.3048**2:.2f}/ft²), "
+    said = f"{density:.1f} pulses per square metre ({density * 0.3048**2:.3f}/ft²), "
     assert f"{said}{spacing:.2f} m ({spacing / 0.3048:.2f} ft) apart" in place.read_text()
 
 

@@ -61,6 +61,16 @@ def test_gaps_at_the_shore_lie_between_water_and_ground(caplog: pytest.LogCaptur
     assert np.isnan(found[2, 4:17]).all()
 
 
+def test_the_reach_of_what_is_made_up_is_told_in_metres(caplog: pytest.LogCaptureFixture) -> None:
+    """Five metres were said to be 16.4042 m, which are feet."""
+    z = bowl().band().copy()
+    z[2, 4:6] = np.nan
+    feet = CRS(2222)
+    terrain = replace(raster(z), crs=feet)
+    SurfaceFlattenWater(terrain=terrain, water=pond(crs=feet), shore=2).run()
+    assert "at most 2 m from the water" in caplog.text
+
+
 def test_heights_keep_their_unit() -> None:
     """A report said no unit, and no range in words, of a terrain that had lost it."""
     terrain = replace(bowl(), units=("metre",))
@@ -73,7 +83,7 @@ def test_the_largest_raise_is_told_in_the_unit_of_the_data() -> None:
     terrain = replace(bowl(), crs=feet)
     found = SurfaceFlattenWater(terrain=terrain, water=pond(crs=feet)).run()
     assert found.largest_raise == pytest.approx(1200 / 3937)
-    assert "by at most 1.00 us-ft." in found.in_words()
+    assert "by at most 1.00 US ft." in found.in_words()
 
 
 def test_water_that_is_not_there_or_elsewhere_is_told(caplog: pytest.LogCaptureFixture) -> None:

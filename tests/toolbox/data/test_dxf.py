@@ -233,6 +233,8 @@ def test_a_line_with_a_text_is_a_dimension(tmp_path: Path) -> None:
     blocks = [one.get_geometry_block() for one in (across, up)]
     layers = {part.dxf.layer for block in blocks for part in block}
     assert layers == {"dimensions", "Defpoints"}, "viewers draw what is on layer 0 black"
+    sizes = {found.header["$DIMTXT"], found.dimstyles.get(across.dxf.dimstyle).dxf.dimtxt}
+    assert sizes == {0.25}, "LibreCAD reads no other"
     assert not found.audit().errors
 
 

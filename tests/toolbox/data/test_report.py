@@ -158,7 +158,7 @@ def test_what_all_rows_of_a_wide_table_say_is_said_once() -> None:
         "Measure 0",
     ]
     assert len(block.cells_on(paper=True)[0]) == 10
-    assert block.caption_on(paper=False) == "All spans. In all rows: State survey; Unit metre."
+    assert block.caption_on(paper=False) == "All spans. In all rows: State: survey; Unit: metre."
     assert len(block.cells[0]) == 12  # as in workbooks
 
 

@@ -70,3 +70,13 @@ def test_the_same_report_is_the_same_file(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(time, "time", lambda: now + 90_000)
     report("Spans").save(tmp_path / "b.xlsx")
     assert (tmp_path / "a.xlsx").read_bytes() == (tmp_path / "b.xlsx").read_bytes()
+
+
+def test_sheets_are_printed_as_wide_as_a_page_with_heads_that_fit(tmp_path: Path) -> None:
+    """A client's print of a lake had 19 pages, and heads of two lines lay over the first row."""
+    rows = Rows(Table.from_rows([{"Low ground that no water reaches yet": 1.0, "B": 2.0}]))
+    sheet = opened(Report("Lake", [Section("Curve", [rows])]), tmp_path)["Curve"]
+    assert sheet.sheet_properties.pageSetUpPr.fitToPage
+    assert (sheet.page_setup.orientation, sheet.page_setup.fitToHeight) == ("landscape", 0)
+    assert sheet.print_title_rows == "$1:$1"
+    assert sheet.row_dimensions[1].height > 30

@@ -169,7 +169,7 @@ class Rows:
         """What all rows have in common, for a caption; "" for nothing."""
         alike = [(self.headings[k][0], self.cells[0][k]) for k in self.alike]
         parts = [
-            f"{language.told(how.heading)} {language.told(text)} {how.unit}".strip()
+            f"{language.told(how.heading)}: {language.told(text)} {how.unit}".strip()
             for how, text in alike
             if text
         ]

@@ -106,7 +106,7 @@
     if (group.shape === "point") return { ...made, mode: "markers", marker: { size: group.features.length > 500 ? 5 : 9, color: group.colour, line: { width: 1, color: "#fff" } } };
     const line = { color: group.colour, width: group.thin ? 1 : 2 };
     if (group.shape === "line") return { ...made, mode: "lines", line };
-    return { ...made, mode: "lines", line, fill: "toself", fillcolor: group.colour + "33" };
+    return { ...made, mode: "lines", line, fill: "toself", fillcolor: group.colour + "66" };
   };
   const keyOf = (key) => {
     const list = make("ul", { className: "key" });
@@ -196,11 +196,11 @@
       length.style.left = `${size.l + 10}px`;
       length.style.bottom = pointer.style.bottom = `${canvas.clientHeight - y._offset - y._length + 10}px`;
       pointer.style.right = `${size.r + 10}px`;
-      const pixel = (x.range[1] - x.range[0]) / x._length, metres = round(pixel * 140 / data.metre), bar = make("span");
-      bar.style.width = `${metres * data.metre / pixel}px`;
-      length.replaceChildren(metres >= 1000 ? `${metres / 1000} km` : metres >= 1 ? `${metres} m` : `${+(metres * 100).toPrecision(3)} cm`, bar);
+      const pixel = (x.range[1] - x.range[0]) / x._length, [unit, own] = data.length, long = round(pixel * 140 / own), bar = make("span");
+      bar.style.width = `${long * own / pixel}px`;
+      length.replaceChildren(unit !== "m" ? `${+long.toPrecision(3)} ${unit}` : long >= 1000 ? `${long / 1000} km` : long >= 1 ? `${long} m` : `${+(long * 100).toPrecision(3)} cm`, bar);
     };
-    if (data.metre) { whole.append(length); canvas.on("plotly_afterplot", place); place(); }
+    if (data.length) { whole.append(length); canvas.on("plotly_afterplot", place); place(); }
     if (data.north) whole.append(pointer);
 
     const last = traces.length - 1;

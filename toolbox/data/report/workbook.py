@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 import zipfile
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -33,6 +34,7 @@ _PROPERTIES = (  # openpyxl's say when, and name spaces as other libraries have 
 _MOST_ROWS = 1_048_575  # that a sheet holds below its head
 _LONGEST_NAME = 31  # characters of the name of a sheet
 _WIDEST = 48  # characters of a column
+_LINE = 15  # points, height of a line
 _SPARE = 2  # digits more than are shown, for sums; the others tell nothing
 _FORBIDDEN = re.compile(r"[\[\]:*?/\\]")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # that a workbook cannot hold
@@ -47,18 +49,30 @@ def write_workbook(report: Report, path: Path) -> None:
         A table has more rows than a sheet holds.
     """
     from openpyxl import Workbook
+    from openpyxl.styles import Alignment
 
     book = Workbook()
     first = book.active
     first.title = language.text("Summary")
     for row in _head(report):
         first.append([_plain(cell) for cell in row])
+    for cell in first["B"]:
+        cell.alignment = Alignment(wrap_text=True, vertical="top")
     first.column_dimensions["A"].width, first.column_dimensions["B"].width = 24, 100
     for title, rows in _tables(report):
         if len(rows.table) > _MOST_ROWS:
             raise DataError(f"{path}: {title} has {len(rows.table):,} rows; write it as CSV")
         _fill(book.create_sheet(_name(language.told(title), book.sheetnames)), rows)
+    for sheet in book:
+        _for_paper(sheet)
     _save(book, path)
+
+
+def _for_paper(sheet: Worksheet) -> None:
+    """Let a sheet be printed on A4 across, as wide as a page."""
+    sheet.page_setup.orientation, sheet.page_setup.paperSize = "landscape", sheet.PAPERSIZE_A4
+    sheet.sheet_properties.pageSetUpPr.fitToPage = True
+    sheet.page_setup.fitToHeight = 0
 
 
 def _head(report: Report) -> Iterator[tuple[str, ...]]:
@@ -115,6 +129,11 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
             if digits is not None and isinstance(cell.value, float):
                 cell.value = round(cell.value, digits + _SPARE)
                 cell.number_format = f"0.{'0' * digits}" if digits else "0"
+    sheet.row_dimensions[1].height = _LINE * max(
+        len(textwrap.wrap(cell.value, int(sheet.column_dimensions[cell.column_letter].width)))
+        for cell in sheet[1]
+    )
+    sheet.print_title_rows = "1:1"
     sheet.freeze_panes = "B2"
     sheet.auto_filter.ref = sheet.dimensions
 

@@ -1,0 +1,117 @@
+"""Tables of reports in the unit of the data, where that is not the metre."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from toolbox.data import Rows, Section, Table
+from toolbox.data.crs import Unit, metres_per_height, unit_of_lengths
+from toolbox.data.measures import UNIT, VALUE, unit_column
+from toolbox.data.report import Block, Column, column_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from toolbox.data.layer import Layer
+
+_POWERS = {"m": 1, "m2": 2, "m²": 2, "m3": 3, "m³": 3, "1/m2": -2, "1/m²": -2}
+_RAISED = {1: "{}", 2: "{}²", 3: "{}³", -2: "1/{}²"}
+_MORE = {-2: 1}  # digits that densities need in feet, of which there are ten to the square metre
+_IN_METRES = "_m"  # end of the name of a column that holds in metres what another does
+
+
+def unit_of_data(layers: Iterable[Layer]) -> Unit | None:
+    """The unit of the first layer with a place; None of metres, and of heights in another one."""
+    crs: Any = next((x.crs for x in layers if x.is_spatial and x.crs is not None), None)
+    unit = unit_of_lengths(crs)
+    alike = unit is not None and np.isclose(metres_per_height(crs), unit[1], rtol=1e-9)
+    return unit if alike else None
+
+
+def converted(value: Any, unit: str, own: Unit | None) -> tuple[Any, str]:
+    """A number of a unit in that of the data, and its unit there; others as they are.
+
+    Examples
+    --------
+    >>> value, unit = converted(9.290304, "m2", ("ft", 0.3048))
+    >>> round(value, 9), unit
+    (100.0, 'ft²')
+    >>> converted(0.5, "1", ("ft", 0.3048)), converted(2.0, "m", None)
+    ((0.5, '1'), (2.0, 'm'))
+    """
+    power = _POWERS.get(unit)
+    if own is None or power is None or not isinstance(value, float | np.floating):
+        return value, unit
+    return float(value) / own[1] ** power, _RAISED[power].format(own[0])
+
+
+def in_unit(sections: Sequence[Section], own: Unit | None) -> list[Section]:
+    """Sections with their tables in the unit of the data; as they are for data in metres."""
+    if own is None:
+        return list(sections)
+    return [replace(section, **_blocks(section, own)) for section in sections]
+
+
+def _blocks(section: Section, own: Unit) -> dict[str, Any]:
+    made: dict[str, Any] = {"blocks": [_block(block, own) for block in section.blocks]}
+    if section.printed is not None:
+        made["printed"] = [_block(block, own) for block in section.printed]
+    return made
+
+
+def _block(block: Block, own: Unit) -> Block:
+    if not isinstance(block, Rows):
+        return block
+    frame = block.table.frame
+    if (units := unit_column(frame)) is not None:
+        return replace(block, table=Table(_measures(frame, units, own)))
+    columns = dict(block.columns) | dict(_columns(frame, block.columns, own))
+    twice = [str(name) for name in frame if f"{name}{_IN_METRES}" in frame]
+    columns |= {name: replace(columns[name + _IN_METRES], factor=1.0) for name in twice}
+    without = [name + _IN_METRES for name in twice] + [UNIT for name in twice if UNIT in frame][:1]
+    return replace(block, table=Table(frame.drop(columns=without)), columns=columns)
+
+
+def _columns(
+    frame: pd.DataFrame, declared: Mapping[str, Column], own: Unit
+) -> Iterator[tuple[str, Column]]:
+    """The columns that hold metres, in the unit of the data."""
+    name, metres = own
+    for label, values in frame.items():
+        how = column_of(str(label), values, declared)
+        power = _POWERS.get(how.unit)
+        if power is None or values.dtype.kind != "f":  # whole numbers are shown as they are
+            continue
+        digits = declared[str(label)].digits if str(label) in declared else None
+        more = _MORE.get(power, 0)
+        yield (
+            str(label),
+            replace(
+                how,
+                unit=_RAISED[power].format(name),
+                factor=how.factor / metres**power,
+                digits=None if digits is None else digits + more,
+            ),
+        )
+
+
+def _measures(frame: pd.DataFrame, units: Any, own: Unit) -> pd.DataFrame:
+    """A table of measures, of which each row has its unit; texts, as settings are, stay."""
+    import pandas as pd
+
+    rows = [str(unit) for unit in frame[units]]
+    both = {
+        label: [converted(value, unit, own) for value, unit in zip(values, rows, strict=True)]
+        for label, values in frame.items()
+    }
+    measured = next(pairs for label, pairs in both.items() if str(label).lower() == VALUE)
+    made = {
+        label: pd.Series([value for value, _ in pairs], frame.index, frame[label].dtype)
+        for label, pairs in both.items()
+    }
+    made[units] = pd.Series([unit for _, unit in measured], frame.index)
+    return pd.DataFrame(made)

@@ -95,17 +95,20 @@ def told(english: str) -> str:
     return "\n".join(_line(code, line) for line in english.split("\n"))
 
 
+_NUMBER = re.compile(r"[^A-Za-z]*\d[^A-Za-z]*(?:[A-Za-z]{1,2}[²³]?)?")  # with a unit, or without
 _MARKS = "; ", ": ", ", ", " (", " ["  # between the parts of a label
 
 
 def label(english: str) -> str:
     """A label of a map, chart or axis in the language of the user; its parts are told one by one.
 
+    Names that are in no catalogue, as people give them, are kept as they are.
+
     >>> label("Height nobody has translated (m)")
     'Height nobody has translated (m)'
     >>> with speaking("tr"):
-    ...     label("Elevation (m)")
-    'Yükseklik (m)'
+    ...     label("Elevation (m)"), label("0.25 m"), label("Plot 2.5")
+    ('Yükseklik (m)', '0,25 m', 'Plot 2.5')
     """
     if chosen() == "en":
         return english
@@ -115,7 +118,7 @@ def label(english: str) -> str:
         first, found, rest = english.partition(mark)
         if found:
             return f"{label(first)}{mark}{label(rest)}"
-    return decimals(english)
+    return decimals(english) if _NUMBER.fullmatch(english) else english
 
 
 def decimals(text: str) -> str:

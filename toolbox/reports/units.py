@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from toolbox.data import Rows, Section, Table
-from toolbox.data.crs import Unit, metres_per_height, unit_of_lengths
+from toolbox.data.crs import Unit, unit_of_lengths
 from toolbox.data.measures import UNIT, VALUE, unit_column
 from toolbox.data.report import Block, Column, column_of
 
@@ -25,11 +25,8 @@ _IN_METRES = "_m"  # end of the name of a column that holds in metres what anoth
 
 
 def unit_of_data(layers: Iterable[Layer]) -> Unit | None:
-    """The unit of the first layer with a place; None of metres, and of heights in another one."""
-    crs: Any = next((x.crs for x in layers if x.is_spatial and x.crs is not None), None)
-    unit = unit_of_lengths(crs)
-    alike = unit is not None and np.isclose(metres_per_height(crs), unit[1], rtol=1e-9)
-    return unit if alike else None
+    """The unit of lengths and heights of the first layer with a place; None of metres."""
+    return unit_of_lengths(next((x.crs for x in layers if x.is_spatial and x.crs), None))
 
 
 def converted(value: Any, unit: str, own: Unit | None) -> tuple[Any, str]:

@@ -63,8 +63,8 @@ def test_a_height_in_feet_is_shown_once() -> None:
 
 def test_heights_in_another_unit_than_lengths_leave_tables_in_metres() -> None:
     xyz = np.zeros((1, 3))
-    mixed = CRS("EPSG:32610+6360")  # metres, and heights in US survey feet
-    assert unit_of_data([PointCloud(xyz, crs=mixed)]) is None
+    for mixed in ("EPSG:32610+6360", "EPSG:2263+5703"):  # heights in feet, heights in metres
+        assert unit_of_data([PointCloud(xyz, crs=CRS(mixed))]) is None
     assert unit_of_data([PointCloud(xyz, crs=CRS(32610))]) is None
     assert unit_of_data([PointCloud(xyz, crs=CRS(2263))]) == ("US ft", pytest.approx(1200 / 3937))
 

@@ -135,7 +135,6 @@ class Curves:
         "tolerances",
         "around a wire that are its own; where heights jump so far it is another wire",
     )
-    hanger_width: float = surveyed(0.3, "m", "half width of what hangs from a curve")
     hanger_depth: float = built(
         5.0, "m", "depth of what hangs from a curve, and step along it for which that is counted"
     )
@@ -290,7 +289,9 @@ class Sparse:
         24, "steps", "of a wire; points in one count once, as those of a twig are side by side"
     )
     false_alarms: float = unlikely(
-        0.01, "1", "wires where there are none, or gaps in one, that are expected by chance"
+        0.01,
+        "1",
+        "expected by chance at most of what is told: wires of all tried, gaps of a wire's",
     )
 
 
@@ -328,7 +329,7 @@ class Arcs:
     most_paid: float = tried(1.4, "1", "share of its part of the price, paid by a wire among many")
     off_wires: float = tried(0.6, "tolerances", "off all wires, of a point of an arm")
     arm_half_width: float = built(
-        0.3, "m", "along the line, of an arm; so far below the wires it may reach"
+        0.3, "m", "of what holds wires or hangs from them; so far below them an arm may reach"
     )
     least_usual: float = unlikely(
         0.25, "points", "the number that is usual around an arm is not below"

@@ -139,12 +139,13 @@ def offset_of(corridor: Corridor, alignment: Alignment, piece: Piece) -> float:
 
 
 def is_certain(corridor: Corridor, alignment: Alignment, piece: Piece) -> bool:
-    """Whether a track is certain and smooth enough to locate supports."""
+    """Whether a track is certain and smooth enough to locate supports.
+
+    Surveys scatter no less where wires above each other are looked for at a smaller tolerance.
+    """
     xyz = corridor.wires.xyz[piece.points]
-    return (
-        piece.sure
-        and scatter(alignment.along(xyz)[0], xyz[:, 2]) < SETTINGS.arcs.smooth * corridor.tolerance
-    )
+    smooth = SETTINGS.arcs.smooth * max(corridor.tolerance, SETTINGS.lines.tolerances[0])
+    return piece.sure and scatter(alignment.along(xyz)[0], xyz[:, 2]) < smooth
 
 
 def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) -> Iterator[Piece]:

@@ -91,6 +91,11 @@ class Catenary:
         return (math.sinh(k * (self.length - u0)) + math.sinh(k * u0)) / k
 
     @property
+    def parameters(self) -> int:
+        """How many numbers it has: heights of both ends, curvature, a line in plan, and swing."""
+        return 6 if self.swing else 5
+
+    @property
     def variance_of_curvature(self) -> float:
         """Variance of the fitted curvature, 1 / square metre; infinite where it is not known."""
         return math.inf if self.covariance is None else float(self.covariance[2, 2])

@@ -334,7 +334,7 @@ def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -
     not beside that. Another wire below is at one depth.
     """
     width, depth, step = (
-        SETTINGS.curves.hanger_width,
+        SETTINGS.arcs.arm_half_width,
         SETTINGS.curves.hanger_depth,
         SETTINGS.curves.hanger_depth,
     )

@@ -53,6 +53,7 @@ from algorithms.corridor._extraction.supports import (
 )
 from algorithms.corridor._extraction.towers import all_centred, compared
 from algorithms.corridor._settings import SETTINGS
+from algorithms.shared.kernels.sorting import distinct
 from toolbox.context import Context
 
 NUMBERS = ("span", "bundle", "wire")
@@ -261,21 +262,6 @@ class Line:
         """Metres of conductor along which points are known."""
         return sum(wire.seen_length for wire in self.wires)
 
-    def evidence(self, corridor: Corridor) -> float:
-        """Logarithm of how much likelier its points lie on its wires than by chance around them.
-
-        On a wire they scatter as normal errors do, by its root mean square; by chance they lie
-        anywhere in the disc in which a wire stands alone. What chance explains better counts
-        nothing. Supports of which unlikely few points are seen tell against it.
-        """
-        found = sum(support.chance for support in self.supports)
-        for wire in self.wires:
-            rms = max(wire.curve.rms, SETTINGS.arcs.least_scatter)
-            away = on_wire(corridor, wire)[1] / rms
-            gain = 2 * math.log(SETTINGS.curves.clutter_radius / rms) - away**2
-            found += float(np.maximum(gain, 0.0).sum())
-        return found
-
     def is_no_accident(self, corridor: Corridor) -> bool:
         """Whether points that happen to lie so would not look like it."""
         taken = corridor.on(wire.curve for wire in self.wires)
@@ -333,8 +319,10 @@ def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> 
     """
     spans = [[one for line in lines for one in spans_apart(line)] for lines in (narrow, wide)]
     chosen, spare = [], []
-    for same, other, evidence in same_spans(corridor, *spans):
-        more = not same or bool(other and evidence > sum(one.evidence(corridor) for one in same))
+    for same, other, beside in same_spans(corridor, *spans):
+        more = not same or bool(
+            other and evidence(corridor, other, beside) > evidence(corridor, same)
+        )
         chosen += other if more else same
         spare += same if more else other
     taken = np.zeros(len(corridor.air.xyz), bool)
@@ -359,12 +347,54 @@ def spans_apart(line: Line) -> list[Line]:
     return [Line(*with_supports(wires, line.supports)) for wires in own.values()]
 
 
+def evidence(
+    corridor: Corridor, spans: Sequence[Line], beside: NDArray[np.int64] | Sequence[int] = ()
+) -> float:
+    """Logarithm of how much likelier the points lie on the wires of spans than by chance.
+
+    On a wire they scatter as normal errors do, by its root mean square; by chance they lie
+    anywhere in the disc in which a wire stands alone. What chance explains better counts nothing.
+    A point is of one wire, that which explains it best. Each support of which unlikely few points
+    are seen tells against them, once. More wires fit any points better, so each costs as much as
+    its parameters gain by chance (Akaike 1974).
+
+    Parameters
+    ----------
+    beside : indices of points that count nothing, rising
+
+    References
+    ----------
+    Akaike, H. (1974). A new look at the statistical model identification. IEEE Transactions on
+    Automatic Control 19(6), 716-723.
+    """
+    wires = [wire for span in spans for wire in span.wires]
+    on_each = [on_wire(corridor, wire)[:2] for wire in wires]
+    points = np.concatenate([own for own, _ in on_each])
+    gain = np.concatenate(
+        [gains(away, wire.curve.rms) for wire, (_, away) in zip(wires, on_each, strict=True)]
+    )
+    once, which = np.unique(points, return_inverse=True)
+    best = np.zeros(len(once))
+    np.maximum.at(best, which, gain)
+    best[np.isin(once, beside)] = 0.0
+    supports = dict.fromkeys(support for span in spans for support in span.supports)
+    against = sum(support.chance for support in supports)
+    return float(best.sum()) + against - sum(wire.curve.parameters for wire in wires)
+
+
+def gains(away: NDArray[np.float64], rms: float) -> NDArray[np.float64]:
+    """How much likelier points at distances from a wire are on it than by chance, logarithms."""
+    scatter = max(rms, SETTINGS.arcs.least_scatter)
+    likelier = 2 * math.log(SETTINGS.curves.clutter_radius / scatter) - (away / scatter) ** 2
+    return np.asarray(np.maximum(likelier, 0.0))
+
+
 def same_spans(
     corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]
-) -> Iterator[tuple[list[Line], list[Line], float]]:
+) -> Iterator[tuple[list[Line], list[Line], NDArray[np.int64]]]:
     """Groups of spans at both tolerances that have most of the points of one in common.
 
-    With them comes the evidence for the wide ones, without what is on narrow ones of other groups.
+    With them come the points of the wide ones that are on narrow ones of other groups.
     """
     points = [[on_any(corridor, span.wires) for span in spans] for spans in (narrow, wide)]
     of_span = np.full(len(corridor.air.xyz), -1)
@@ -381,12 +411,13 @@ def same_spans(
     for number in range(label.max() + 1 if count else 0):
         here = np.flatnonzero(label == number).tolist()
         other = [k - len(narrow) for k in here if k >= len(narrow)]
-        evidence = 0.0
-        for k in other:
-            group = of_group[points[1][k]]
-            elsewhere = np.count_nonzero((group >= 0) & (group != number))
-            evidence += wide[k].evidence(corridor) * (1 - elsewhere / max(1, len(group)))
-        yield [narrow[k] for k in here if k < len(narrow)], [wide[k] for k in other], evidence
+        own = np.concatenate([np.zeros(0, np.int64), *(points[1][k] for k in other)])
+        elsewhere = own[(of_group[own] >= 0) & (of_group[own] != number)]
+        yield (
+            [narrow[k] for k in here if k < len(narrow)],
+            [wide[k] for k in other],
+            distinct(elsewhere),
+        )
 
 
 def rest_of(corridor: Corridor, line: Line, taken: NDArray[np.bool_]) -> list[Wire]:

@@ -73,10 +73,10 @@ def seen_share(u: Floats, length: float, held: tuple[bool, bool]) -> tuple[float
 
 
 def longest_by_chance(gaps: Floats) -> float:
-    """Length in metres that the longest gap exceeds with the probability `false_alarms`.
+    """Length in metres of gaps of which `false_alarms` are expected by chance along a wire.
 
-    Points at random are a Poisson process. Of n of them on a wire, none is followed by a gap of x
-    mean spacings with a probability of 1 - n exp(-x), nearly. A place on the wire lies in a gap
+    Points at random are a Poisson process. Of n of them on a wire, n exp(-x) are followed by a gap
+    of more than x mean spacings. A place on the wire lies in a gap
     whose length has the density x exp(-x): the Gamma distribution of shape 2 tells up to which
     gap the share `typical` of the wire is. Points in a row, as of scan lines, are told to be
     farther apart than they are.

@@ -9,14 +9,22 @@ import pytest
 import shapely
 from scenes.corridors import Floats, bar, cloud, ground, line, wire
 
-from algorithms.corridor._curves.arcs import cuts_of
+from algorithms.corridor._curves.arcs import cuts_of, is_certain
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.structures import is_row_of_mesh
 from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.corridor._extraction import follow
-from algorithms.corridor._extraction.follow import Line, Tried, better, seen_supports, together
+from algorithms.corridor._extraction.follow import (
+    Line,
+    Tried,
+    better,
+    evidence,
+    same_spans,
+    seen_supports,
+    together,
+)
 from algorithms.corridor._extraction.spans import Wire, cut, on_wire
 from algorithms.corridor._extraction.supports import Hint, Support, abreast, pole_near
 from algorithms.corridor._extraction.towers import compared
@@ -88,6 +96,55 @@ def raised(one: Wire, up: float) -> Wire:
     curve = _hung(one.curve)
     higher = replace(curve, z_start=curve.z_start + up, z_end=curve.z_end + up, rms=up)
     return replace(one, curve=higher)
+
+
+def test_a_point_on_two_wires_tells_once_for_the_one_that_explains_it_best() -> None:
+    corridor = corridor_of(*WIRE)
+    clean, rough = spans((0, 60)), spans((0, 60))
+    clean.wires[0] = raised(clean.wires[0], 0.01)
+    rough.wires[0] = raised(rough.wires[0], 0.2)
+    alone = evidence(corridor, [clean])
+    assert evidence(corridor, [rough]) < alone
+    # With it comes what only the rough one reaches, farther from the wire.
+    assert alone <= evidence(corridor, [rough, clean]) < 1.05 * alone
+
+
+def test_a_support_of_two_spans_tells_against_them_once_however_much_lies_elsewhere() -> None:
+    corridor = corridor_of(*WIRE)
+    doubtful = replace(support_at(60), chance=-50.0)
+    one, other = (
+        Line([replace(raised(w, 0.01), supports=ends)], [doubtful])
+        for w, ends in zip(spans((0, 60), (60, 120)).wires, ((-1, 0), (0, -1)), strict=True)
+    )
+    bare = [replace(span, supports=[]) for span in (one, other)]
+    assert evidence(corridor, [one, other]) == pytest.approx(evidence(corridor, bare) - 50)
+    everything = np.arange(len(corridor.air.xyz))
+    assert evidence(corridor, [one, other], everything) == -50 - 2 * one.wires[0].curve.parameters
+
+
+def test_what_is_on_the_next_span_of_the_other_tolerance_is_told_by_its_points() -> None:
+    """The wide span goes on for 20 m along the next narrow one: these points count nothing."""
+    corridor = corridor_of(*WIRE)
+    narrow = [Line([replace(w, curve=_hung(w.curve))], []) for w in spans((0, 60), (60, 120)).wires]
+    (wide,) = (Line([replace(w, curve=_hung(w.curve))], []) for w in spans((0, 80)).wires)
+    (beside,) = (points for _, other, points in same_spans(corridor, narrow, [wide]) if other)
+    x = corridor.air.xyz[beside, 0]
+    assert 60 <= x.min() < 62
+    assert 78 < x.max() <= 80
+    assert 0 < evidence(corridor, [wide], beside) < evidence(corridor, [wide])
+
+
+def test_of_spans_that_fit_alike_those_with_fewer_parameters_are_taken() -> None:
+    """A support between the two halves gains nothing."""
+    (whole,) = (raised(w, 0.01) for w in spans((0, 60)).wires)
+    halves = [
+        replace(whole, curve=whole.curve.between(a, a + 30), known=(0.0, 30.0), span=k)
+        for k, a in enumerate((0.0, 30.0))
+    ]
+    one, two = Line([whole], []), Line(halves, [])
+    assert lengths(one, two) == lengths(two, one) == [60]
+    assert whole.curve.parameters == 5
+    assert replace(whole.curve, swing=0.1).parameters == 6
 
 
 def test_a_support_is_in_doubt_if_less_is_seen_of_it_than_of_the_others() -> None:
@@ -277,6 +334,17 @@ def test_a_pole_is_found_near_a_cut_in_a_wrong_place(
         np.testing.assert_allclose(one[1], (53.05, 0.2), atol=0.1)
         assert one[0] >= SETTINGS.supports.enough_body
         assert one[2] < 0.2
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.25])
+@pytest.mark.parametrize(("noise", "certain"), [(0.08, True), (0.2, False)])
+def test_a_track_tells_of_supports_by_the_noise_of_surveys_at_a_smaller_tolerance_too(
+    tolerance: float, noise: float, certain: bool
+) -> None:
+    curve, points = wire((0, 0, 9), (60, 0, 9), 400, noise=noise)
+    corridor = replace(corridor_of(points), tolerance=tolerance)
+    piece = Piece(np.arange(len(points)), curve)
+    assert is_certain(corridor, Alignment.of([piece]), piece) == certain
 
 
 def test_wires_are_cut_at_a_support_that_is_known() -> None:

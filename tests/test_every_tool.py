@@ -633,14 +633,18 @@ def _sorted_points(columns: dict[str, Any]) -> list[tuple[Any, ...]]:
 
 
 @point_runs
-def test_feet_give_the_answer_of_metres(spec: Spec, block: PointCloud) -> None:
-    """The same block in US survey feet: equal labels and shares, lengths reported in metres."""
+def test_feet_give_the_answer_of_metres(
+    spec: Spec, block: PointCloud, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The same block in US survey feet: equal labels and shares, lengths told in metres."""
     if spec.id in OF_CRS:
         pytest.skip("feet are another CRS, which its own tests look at")
     foot = 1200 / 3937
     columns = {name: block[name] for name in block.names}
     in_feet = PointCloud(block.xyz / foot, columns, crs=CRS(2263), name="feet.laz")
-    metres, feet = (job(spec, points).run() for points in (block, in_feet))
+    metres, told = job(spec, block).run(), lengths_told(caplog)
+    feet = job(spec, in_feet).run()
+    assert lengths_told(caplog) == pytest.approx(told, rel=0.05), "metres that are feet"
     for name, field in spec.outputs.items():
         here, there = getattr(feet, name), getattr(metres, name)
         if field.kind.word in ("number", "integer"):
@@ -651,6 +655,13 @@ def test_feet_give_the_answer_of_metres(spec: Spec, block: PointCloud) -> None:
                 close = {"rtol": 1e-5, "atol": 1e-5, "equal_nan": True}
                 same = np.isclose(scale * here[column], there[column], **close)
                 assert not same.size or same.mean() > 0.999, f"{name}.{column}"
+
+
+def lengths_told(caplog: pytest.LogCaptureFixture) -> list[float]:
+    """The lengths that messages tell, in metres; the messages are then forgotten."""
+    found = re.findall(r"(\d[\d.]*) (m|US survey foot)\b", caplog.text)
+    caplog.clear()
+    return [float(number) * (1.0 if unit == "m" else 1200 / 3937) for number, unit in found]
 
 
 def is_length(cloud: PointCloud, column: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -16,7 +17,7 @@ from toolbox.context import QUIET, Context, listening, log
 from toolbox.data.crs import length_problem, metres_per_unit, parse_crs, short_unit, unit_of
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
-from toolbox.errors import ParameterError, memory_named
+from toolbox.errors import ParameterError, memory_named, nearest
 from toolbox.models.model import Model, ModelRun
 from toolbox.reports.page import Told
 from toolbox.runs import cells, delivery
@@ -104,9 +105,10 @@ def run(
     """
     if named or not isinstance(values, Mapping):
         got = ", ".join(f"{name}=..." for name in named) or repr(values)
+        meant = next(filter(None, (nearest(name, OPTIONS) for name in named)), "")
         raise TypeError(
             f'{id}: give inputs and outputs in one dict, as run("{id}", {{"points": "a.laz"}}); '
-            f"got {got}"
+            f"got {got}{meant}"
         )
     with listening() as warnings:
         return _run(
@@ -120,6 +122,14 @@ def run(
             resume=resume,
             ctx=ctx,
         )
+
+
+OPTIONS = tuple(
+    name
+    for name, option in inspect.signature(run).parameters.items()
+    if option.kind is option.KEYWORD_ONLY
+)
+"""The names of the options of a run, beside its inputs and outputs."""
 
 
 def _run(
@@ -244,6 +254,17 @@ def _crs(crs: str | CRS | None, where: str) -> CRS | None:
         raise ParameterError(where, {"assume_crs": str(err)}) from None
 
 
+def _elsewhere(name: str, spec: Spec) -> str:
+    """Where what is no input belongs, if it is an option of the run or of a source."""
+    source, dot, option = name.partition(".")
+    if dot and source in spec.sources:
+        said = f"--{name}, in Python {{{source!r}: {{'path': ..., {option!r}: ...}}}}"
+        return f"is an option of reading {source}: {said}"
+    if name not in spec.inputs and name in OPTIONS:
+        return f"is an option of the run and no input: in Python {name}=... beside the dict"
+    return ""
+
+
 def _checked(
     spec: Spec,
     given: Mapping[str, Any],
@@ -258,6 +279,7 @@ def _checked(
     values, found = spec.parse(settings, present=reads)
     if not found:
         found = spec.rules(values)
+    found |= {name: text for name in found if (text := _elsewhere(name, spec))}
     found |= sources.problems(reads, spec)
     if tiling and PICTURE in writes:
         found[PICTURE] = "is not drawn of tiles; draw the products with the tool that reads them"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import functools
 import json
 import math
@@ -30,6 +31,9 @@ SURVEYS = ROOT / "docs" / "surveys.yaml"
 TESTS = ROOT / "tests" / "algorithms"
 PAGES = ROOT / "docs" / "explanation"
 MOST_PAGES = 3
+BEGINS_REFERENCE = re.compile(
+    r"[^.:]{2,}?( \(\d{4}\)|, \w\.| et al\.| Std )|LAS \d|\w+, \w+ \(\d{4}\)"
+)
 OF_HOUSE = {"architecture.md", "speed.md", "provenance.md", "security.md"}  # on no method
 
 
@@ -43,7 +47,7 @@ def files() -> Iterator[tuple[Path, str]]:
         commands = {"metadata": list(examples_of(spec.id, runs))}
         yield METADATA / "tools" / f"{spec.id}.json", as_json({**tool, **commands})
         more = [steps(spec), columns(spec), in_tiles(spec), cost(spec.id), tried(spec)]
-        more += [in_use(spec.id, runs), elsewhere(spec, runs)]
+        more += [in_use(spec.id, runs), elsewhere(spec, runs), papers(spec.id)]
         yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, *more)
     yield ROOT / "docs" / "tools" / "index.md", index(specs)
 
@@ -116,6 +120,27 @@ def in_tiles(spec: Spec) -> str:
     else:
         says = "Reads nothing around a tile."
     return f"## In tiles\n\n{says}"
+
+
+def papers(id: str) -> str:
+    """The section of a page with the references that the file of a tool gives; empty without any.
+
+    A line that begins with authors and a year, or what stands for them, begins one.
+    """
+    path = catalog.own_files()[id]
+    text = ast.get_docstring(ast.parse(path.read_text("utf-8"))) if path.suffix == ".py" else None
+    found: list[str] = []
+    for paragraph in (text or "").partition("References\n----------\n")[2].split("\n\n"):
+        lines = paragraph.splitlines()
+        if not (lines and BEGINS_REFERENCE.match(lines[0])):
+            break  # what follows tells where we depart from them
+        for line in lines:
+            if BEGINS_REFERENCE.match(line):
+                found.append(line)
+            else:
+                found[-1] += f" {line}"
+    listed = "\n".join(f"- {one}" for one in found)
+    return f"## References\n\n{listed}" if found else ""
 
 
 def in_use(id: str, runs: list[dict[str, Any]]) -> str:

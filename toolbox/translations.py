@@ -61,6 +61,7 @@ COUNTS += [
 COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]
 SHORT = ["no rule", "not given", "near a wire", "the ground", "other objects", "another line"]
 SHORT += ["trees", "buildings", "roads", "rails", "its level", "a spreadsheet", "few returns"]
+SHORT += ["of interest", "all others"]  # the classes of a comparison
 SHORT += ["a number", "unknown parameter", "unknown output", "well spread"]
 SHORT += ["north-west", "north-east", "south-west", "south-east"]
 SHORT += ["No plane", "Not seen", "rounded", *dxf.COLOUR_NAMES.values()]

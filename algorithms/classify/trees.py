@@ -176,7 +176,7 @@ class ClassifyTrees:
                 "no point of class %s is %g m high; classify vegetation first, as "
                 "models.urban_classes does, which finds trees, too",
                 self.classes,
-                self.min_height,
+                self.min_height / cloud.metre,
             )
             return self._packed([])
         tree = trees(

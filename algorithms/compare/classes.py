@@ -66,6 +66,7 @@ RECORDED = (
 COLOURS = [tuple(bytes.fromhex(colour.removeprefix("#"))) for _, colour in OUTCOMES.values()]
 SIXTEEN_BIT = 257  # from 0..255 to 0..65535
 MOST_STRATA = 256
+OF_INTEREST, OTHERS = "of interest", "all others"  # names of the only two classes
 
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
@@ -104,8 +105,9 @@ class CompareClasses:
 
     For ground filters `positive` names the class of interest, ground by default; points of all
     other classes count as objects. For labels where ground is 0, as in the ISPRS filter test, give
-    `reference_positive` 0. Type I is the share of reference ground that was lost, Type II the share
-    of reference objects that was taken for ground. The first pair of limits in `table` is that of
+    `reference_positive` 0: unless a map names the classes, these are the only two then. Type I is
+    the share of reference ground that was lost, Type II the share of reference objects that was
+    taken for ground. The first pair of limits in `table` is that of
     Wilson for shares, of Fleiss, Cohen and Everitt for kappa, which holds for independent points
     and is the least uncertainty; the second pair is that of the blocks.
 
@@ -263,7 +265,8 @@ class CompareClasses:
         ground, side = self._blocks(counted)
         ctx.progress(0.65)
         is_said = np.isin(said, self.positive)
-        is_true = np.isin(true, self.reference_positive or self.positive)
+        is_true = np.isin(true, self._truth)
+        self._tell_of_no_interest(is_said[counted], is_true[counted])
         legend = self._legend(said[counted], true[counted])
         by_block = legend.tally(said[counted], true[counted], ground.number, ground.square)
         warn_clumps(Clumping.of(by_block))
@@ -342,12 +345,35 @@ class CompareClasses:
         return ground, None if in_degrees else ground.side / metre
 
     def _legend(self, said: NDArray[Any], true: NDArray[Any]) -> Legend:
-        return Legend.of(
-            codes_in(said, "attribute"),
-            codes_in(true, "reference_attribute"),
-            names_of(self.map or ()),
-            names_of(self.reference_map if self.reference_map is not None else self.map or ()),
-        )
+        codes = codes_in(said, "attribute"), codes_in(true, "reference_attribute")
+        return Legend.of(*codes, *self._names(*codes))
+
+    def _names(self, said: Ints, true: Ints) -> tuple[dict[int, str], dict[int, str]]:
+        """Name of each code that has one, in the classification and in the reference.
+
+        Where the reference has codes of its own, and nobody names them, all that is known of them
+        is whether they are of interest: 0 and 1 against 2 and 1 would otherwise all be errors.
+        """
+        own_codes = {*self._truth} != {*self.positive}
+        if own_codes and self.map is None and self.reference_map is None:
+            sides = (said, self.positive), (true, self._truth)
+            one, other = (
+                {int(code): OF_INTEREST if code in interest else OTHERS for code in codes}
+                for codes, interest in sides
+            )
+            return one, other
+        reference = self.reference_map if self.reference_map is not None else self.map
+        return names_of(self.map or ()), names_of(reference or ())
+
+    def _tell_of_no_interest(self, is_said: Mask, is_true: Mask) -> None:
+        """Warn that no point is of the classes of interest: 0 % would be wrong otherwise."""
+        if not (is_said.any() or is_true.any()):
+            log.warning(
+                "positive: no point is of class %s, and none of the reference of class %s: nothing "
+                "is known of its errors",
+                self.positive,
+                self._truth,
+            )
 
     def _marked(self, is_said: Mask, is_true: Mask, counted: Mask) -> PointCloud:
         """The points with their errors, and with colours if asked for."""
@@ -407,11 +433,8 @@ class CompareClasses:
         second = (self.other or self.points)[name][found[both]]
         said, true = said[both], true[both]
         codes = np.union1d(codes_in(said, "attribute"), codes_in(second, "other_attribute"))
-        names = names_of(self.map or ())
-        true_names = names_of(
-            self.reference_map if self.reference_map is not None else self.map or ()
-        )
-        legend = Legend.of(codes, codes_in(true, "reference_attribute"), names, true_names)
+        true_codes = codes_in(true, "reference_attribute")
+        legend = Legend.of(codes, true_codes, *self._names(codes, true_codes))
         held, own = np.unique(ground.number[both[counted]], return_inverse=True)
         one, two = (legend.tally(of, true, own, ground.square[held]) for of in (said, second))
         truth = numbers(true, legend.true)

@@ -44,6 +44,7 @@ MOST_COVERS = 256
 STATED = "RMSEH"
 CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
 MOST_BINS = 80
+NAMED = 5  # checkpoints without a counterpart that a warning names
 BLUNDER = 0.1  # metres: no blunder is smaller, whatever the scatter of the others
 UNKNOWN = "not known"  # land cover of a position that no class or polygon covers
 
@@ -300,7 +301,7 @@ class CompareSurfaces:
             where = extents(surface=self.surface, **{name: getattr(self, name)})
             raise DataError(f"{name}: no cell or point has a height in both: {where}")
         if found.missing:
-            log.warning("%d cells or points have no counterpart", found.missing)
+            self._tell_missing(found)
         absent = self._absent(len(found.error)) if raster else found.missing
         metre = self.surface.metre
         if text := height_mismatch(found.error, found.surface, metre):
@@ -310,7 +311,7 @@ class CompareSurfaces:
         ctx.progress(0.7)
         whole = measures(found.error)
         if self.checkpoints is not None:
-            _tell_far(found, whole, metre)
+            self._tell_far(found, whole)
         ctx.progress(0.8)
         covers = Table.from_rows(
             cover_rows(found, label, names, quarters, metre, ctx.part(0.8, 0.9))
@@ -397,6 +398,52 @@ class CompareSurfaces:
             int((~known).sum()),
         )
 
+    def _tell_missing(self, found: ErrorsAtPlaces) -> None:
+        """Warn of cells or points that the other layer lacks; of checkpoints by their names."""
+        if self.checkpoints is None:
+            log.warning("%d cells or points have no counterpart", found.missing)
+            return
+        shapes = self.checkpoints.frame.geometry
+        without = np.setdiff1d(np.arange(len(shapes)), found.number)
+        places = [
+            f"{self._name_of(k)}{shapes.iloc[k].x:.10g},{shapes.iloc[k].y:.10g}"
+            for k in without[:NAMED].tolist()
+        ]
+        more = " ..." if len(without) > NAMED else ""
+        log.warning(
+            "%d of %d checkpoints have no height of the surface below them: %s%s",
+            len(without),
+            len(shapes),
+            "; ".join(places),
+            more,
+        )
+
+    def _name_of(self, number: int) -> str:
+        """The first attribute of a checkpoint, by which its surveyor finds it, before its place."""
+        frame = self.checkpoints.frame if self.checkpoints is not None else None
+        if frame is None or len(frame.columns) < 2:
+            return ""
+        return f"{frame.drop(columns=frame.geometry.name).iloc[number, 0]} at "
+
+    def _tell_far(self, found: ErrorsAtPlaces, whole: Mapping[str, Any]) -> None:
+        """Warn of checkpoints that may be blunders, and of what the RMSE is without them."""
+        metre = self.surface.metre
+        far = far_apart(found.error, whole["median"], whole["nmad"], BLUNDER * metre)
+        if not len(far):
+            return
+        rest = np.delete(found.error, far)
+        log.warning(
+            "%d of %d checkpoints are ten times the scatter from the others, the worst by %.3f m: "
+            "%s%.10g,%.10g: blunders, or places where the surface is wrong; look there. The RMSE "
+            "of the others is %.3f m",
+            len(far),
+            len(found.error),
+            found.error[far[0]] / metre,
+            self._name_of(int(found.number[far[0]])),
+            *found.xy[far[0]],
+            float(np.sqrt(np.mean(rest**2))) / metre,
+        )
+
     def _covers(self, found: ErrorsAtPlaces, ctx: Context) -> tuple[NDArray[np.int64], list[str]]:
         """Number of the land cover of each error, and the names of the numbers.
 
@@ -475,24 +522,6 @@ class CompareSurfaces:
         return Vector(frame, geometry_type="Point Z")
 
 
-def _tell_far(found: ErrorsAtPlaces, whole: Mapping[str, Any], metre: float) -> None:
-    """Warn of checkpoints that may be blunders, and of what the RMSE is without them."""
-    far = far_apart(found.error, whole["median"], whole["nmad"], BLUNDER * metre)
-    if not len(far):
-        return
-    rest = np.delete(found.error, far)
-    log.warning(
-        "%d of %d checkpoints are ten times the scatter from the others, the worst by %.3f m at "
-        "%.10g,%.10g: blunders, or places where the surface is wrong; look there. The RMSE of the "
-        "others is %.3f m",
-        len(far),
-        len(found.error),
-        found.error[far[0]] / metre,
-        *found.xy[far[0]],
-        float(np.sqrt(np.mean(rest**2))) / metre,
-    )
-
-
 class ErrorsAtPlaces(NamedTuple):
     """Errors of the cells or points that have a height in both data sets.
 
@@ -532,7 +561,9 @@ def _points_problem(layer: Vector) -> str | None:
     if others := sorted(types - {"Point"}):
         return f"holds a {others[0]}; checkpoints are points"
     if not np.isfinite(shapely.get_coordinates(shapes, include_z=True)).all():
-        return "holds a point without a height (Z)"
+        named = [str(name) for name in layer.frame if name != layer.frame.geometry.name]
+        hint = f"; of a CSV it is the column z, and there are {', '.join(named)}" if named else ""
+        return f"holds a point without a height (Z){hint}"
     return None
 
 

@@ -100,7 +100,7 @@ class GroundClassify:
                 units=(vertical_unit(cloud.crs),),
             ),
             ground=candidates.ground(classified, ground),
-            ground_share=candidates.share(ground),
+            ground_share=candidates.share(ground, classified),
         )
 
     def _classified(

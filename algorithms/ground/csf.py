@@ -180,7 +180,7 @@ class GroundCsf:
             ),
             mean_rigidness=mean,
             ground=candidates.ground(classified, ground),
-            ground_share=candidates.share(ground),
+            ground_share=candidates.share(ground, classified),
         )
 
 

@@ -219,7 +219,7 @@ class GroundPtd:
                 units=(vertical_unit(cloud.crs),),
             ),
             ground=candidates.ground(classified, ground),
-            ground_share=candidates.share(ground),
+            ground_share=candidates.share(ground, classified),
         )
 
 

@@ -180,7 +180,7 @@ class GroundRobustInterpolation:
                 units=(vertical_unit(cloud.crs),),
             ),
             ground=candidates.ground(classified, ground),
-            ground_share=candidates.share(ground),
+            ground_share=candidates.share(ground, classified),
         )
 
 

@@ -334,8 +334,8 @@ class PlanesOpenings:
 
     def _warn_if_sparse(self, number: int, spacing: float) -> None:
         """Say so where points of a wall are too far apart for the openings that are asked for."""
-        metres = spacing / self.points.metre
-        if metres * POINTS_ACROSS > self.min_width:
+        metres, min_width = spacing / self.points.metre, self.min_width / self.points.metre
+        if metres * POINTS_ACROSS > min_width:
             log.warning(
                 "the points of front %d are %.2f m apart: openings narrower than %.1f m cannot be "
                 "told, wider ones may be missed or of another size, and no edge is surer than "
@@ -344,7 +344,7 @@ class PlanesOpenings:
                 metres,
                 metres * POINTS_ACROSS,
                 metres,
-                self.min_width / POINTS_ACROSS,
+                min_width / POINTS_ACROSS,
             )
 
     def _warn_if_noisy(self, number: int, step: float) -> None:
@@ -354,14 +354,15 @@ class PlanesOpenings:
         ----------
         step : least distance behind the wall that its own points do not have, in metres
         """
-        if step > NOISY * self.min_recess:
+        min_recess = self.min_recess / self.points.metre
+        if step > NOISY * min_recess:
             log.warning(
                 "the points of front %d scatter about its wall: only what stands back by %.2f m or "
                 "more is told from it, not by min_recess of planes.openings, %g m; openings with "
                 "panes nearer to the wall may be missed, and others may be none",
                 number,
                 step,
-                self.min_recess,
+                min_recess,
             )
 
     def _warn_of_unseen(self, number: int, made: Openings) -> None:

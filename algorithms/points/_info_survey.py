@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import shapely
+from pyproj import CRS
 
 from toolbox.data import Survey, SurveyFile
-from toolbox.data.area_of_use import misplaced
+from toolbox.data.area_of_use import centre_in_degrees, misplaced
 from toolbox.data.crs import describe_crs, height_system, length_problem, vertical_unit
 
 SEAM = 10.0  # mean point spacings; files closer to each other have no gap between them
@@ -67,9 +68,18 @@ def figures(survey: Survey, cover: Cover) -> Iterator[Row]:
         unit = vertical_unit(survey.crs)
         for name, value in zip(BOUNDS, survey.bounds, strict=True):
             yield {"property": name, "value": value, "unit": unit if name[0] == "z" else ""}
+        yield from place_on_earth(survey.crs, survey.bounds)
     yield from _areas(survey, cover)
     for text, count in Counter(map(_format, survey.files)).items():
         yield {"property": f"format {text}", "value": count, "unit": "files"}
+
+
+def place_on_earth(crs: CRS | None, bounds: Sequence[float]) -> Iterator[Row]:
+    """Table rows: latitude and longitude of the middle, where the CRS has them."""
+    if found := centre_in_degrees(crs, bounds):
+        names = ("longitude of the centre", "latitude of the centre")
+        for name, value in zip(names, found, strict=True):
+            yield {"property": name, "value": round(value, 5), "unit": "degrees"}
 
 
 def _areas(survey: Survey, cover: Cover) -> Iterator[Row]:

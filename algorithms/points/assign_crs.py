@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from pyproj import CRS
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.data.area_of_use import misplaced
 from toolbox.data.crs import describe_crs, has_heights, same_crs
@@ -30,7 +30,7 @@ class PointsAssignCrs:
 
     No coordinate changes; points.reproject does that. A CRS that the file states stays, unless
     `replace` says that it is wrong; a height system may be added to it at any time. Coordinates
-    that cannot be in the CRS are refused.
+    that cannot be in the CRS are refused, and those far outside its area of use are warned of.
     """
 
     points: PointCloud = source("Points whose CRS is known to you", any_crs=True)
@@ -65,5 +65,7 @@ class PointsAssignCrs:
 
     def run(self, ctx: Context = QUIET) -> PointsAssignCrs.Outputs:
         """State it."""
+        if found := misplaced(self.crs, self.points.extent):  # refused if it cannot be at all
+            log.warning("%s %s", self.points.name or "points", found.text)
         ctx.progress(1.0)
         return self.Outputs(assigned=self.points.with_crs(self.crs))

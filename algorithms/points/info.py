@@ -145,6 +145,7 @@ def _general(cloud: PointCloud) -> Iterator[Row]:
         names = ("xmin", "ymin", "zmin", "xmax", "ymax", "zmax")
         for name, value in zip(names, cloud.bounds, strict=True):
             yield {"property": name, "value": value, "unit": unit if name[0] == "z" else ""}
+        yield from _info_survey.place_on_earth(cloud.crs, cloud.bounds)
 
 
 def _waveforms(cloud: PointCloud) -> Iterator[Row]:

@@ -206,9 +206,13 @@ class Candidates:
         """
         return classified.select(self._of_all(found))
 
-    def share(self, found: Mask) -> Share:
-        """Share of ground among all points; `found` is as for :meth:`classified`."""
-        return Share.of_points(self._of_all(found), self.cloud.core)
+    def share(self, found: Mask, classified: PointCloud) -> Share:
+        """Share of ground among all points, without those that keep a class of their own there.
+
+        `found` is as for :meth:`classified`, whose result is `classified`: its user counts class 2.
+        """
+        ground = self._of_all(found) & (classified["classification"] == GROUND)
+        return Share.of_points(ground, self.cloud.core)
 
     def _of_all(self, found: Mask) -> Mask:
         """Mask of ground among all points, shape (n,), from that among the chosen ones."""
@@ -237,7 +241,7 @@ class Candidates:
             instead=SimpleNamespace(
                 classified=classified,
                 ground=self.ground(classified, NOWHERE),
-                ground_share=self.share(NOWHERE),
+                ground_share=self.share(NOWHERE, classified),
                 **others,
             ),
         )

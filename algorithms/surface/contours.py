@@ -228,7 +228,8 @@ class SurfaceContours:
         else:
             why = (
                 f"all {len(lengths)} are shorter than {self.min_length / metre:.4g} m, the longest "
-                f"is {max(lengths) / metre:.4g} m"
+                f"is {max(lengths) / metre:.4g} m; a smaller min_length of surface.contours, or "
+                "contour_length of models.terrain, keeps them"
             )
         log.warning("there are no lines: %s", why)
 

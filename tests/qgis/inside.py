@@ -856,6 +856,19 @@ def check_shipped_models_run() -> None:
     assert os.path.getsize(made["CLASSIFIED"]) > 1000
 
 
+def check_nothing_is_asked_for_that_a_model_cannot_make() -> None:
+    """The dialog asks for all results of a model, into temporary files."""
+    all_of_it = dict.fromkeys(("DTM", "WATER_BODIES", "INTENSITY"), QgsProcessing.TEMPORARY_OUTPUT)
+    feedback = Feedback()
+    made = run("models.terrain", feedback, POINTS=CLOUD, CELL=2.0, IMAGE=False, **all_of_it)
+    assert set(made) >= {"DTM"}
+    assert not set(made) & {"WATER_BODIES", "INTENSITY"}, made
+    assert not [text for text in feedback.said if "nothing to write" in text], feedback.said
+    own = {"INTENSITY": out("no intensity.tif")}  # which the user has asked for
+    run("models.terrain", feedback, POINTS=CLOUD, CELL=2.0, IMAGE=False, **own)
+    assert [text for text in feedback.said if "nothing to write" in text], feedback.said
+
+
 def check_a_set_is_handed_over_and_its_layers_are_loaded() -> None:
     """Once from the folder, and not besides from a temporary file; an own file is loaded itself."""
     folder, ctx, feedback = out("set"), context(), Feedback()

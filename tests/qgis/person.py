@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import time
 import traceback
@@ -586,6 +587,7 @@ def play_model_in_the_designer() -> Play:
     model = QgsProcessingModelAlgorithm()
     assert model.fromFile(SAYS["model"])
     model.setProvider(QgsApplication.processingRegistry().providerById("model"))
+    looked: list[list[str]] = []
     for name in model.childAlgorithms():
         child = model.childAlgorithm(name)
         dialog = ModelerParametersDialog(child.algorithm(), model, name)
@@ -595,8 +597,14 @@ def play_model_in_the_designer() -> Play:
         after, was = dialog.createAlgorithm().parameterSources(), child.parameterSources()
         lost = {n: was[n] for n in was if after.get(n) != was[n]}
         assert not lost, (name, {n: (was[n], after.get(n)) for n in lost})
+        points = dialog.widget.widget.wrappers.get("POINTS")
+        if points is not None:  # plots and reports are files, and no points
+            offered = [points.row.box.itemText(n) for n in range(points.row.box.count())]
+            assert not [one for one in offered if re.match(r"(Plot|Report|Counts)\b", one)], offered
+            looked.append(offered)
         dialog.close()
         yield lambda: True
+    assert any(any("from" in one for one in offered) for offered in looked), looked
 
 
 def main() -> None:

@@ -313,8 +313,20 @@ def test_inputs_beside_the_dict_are_told_where_they_belong() -> None:
         call("points.info", points="a.laz", cell=1)
     with pytest.raises(TypeError, match=re.escape(f"{told}'a.laz'")):
         call("points.info", "a.laz")
+    with pytest.raises(TypeError, match=re.escape("got overwrit=...; did you mean 'overwrite'?")):
+        call("points.info", {"points": "a.laz"}, overwrit=True)
     with pytest.raises(ParameterError, match="points: missing"):
         call("points.info")
+
+
+def test_options_within_the_dict_are_told_where_they_belong() -> None:
+    options = {"overwrite": True, "assume_crs": "local", "points.columns": "x,y,z"}
+    with pytest.raises(ParameterError) as caught:
+        toolbox.run("points.info", {"points": "a.laz", **options})
+    told = str(caught.value)
+    assert "overwrite: is an option of the run and no input: in Python overwrite=... " in told
+    assert "assume_crs: is an option of the run and no input" in told
+    assert "--points.columns, in Python {'points': {'path': ..., 'columns': ...}}" in told
 
 
 def test_unknown_tool_is_named() -> None:

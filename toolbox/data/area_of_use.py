@@ -96,6 +96,29 @@ def reaching_beyond(source: CRS, target: CRS, bounds: Sequence[float]) -> str:
     return f"{share}; lengths and areas there are wrong, or it is not there at all"
 
 
+def centre_in_degrees(crs: CRS | None, bounds: Sequence[float]) -> tuple[float, float] | None:
+    """Longitude and latitude of the middle of bounds; None if the CRS has no place on the Earth.
+
+    Who knows where a survey was flown sees by them that its CRS is wrong.
+
+    Examples
+    --------
+    >>> [round(v, 2) for v in centre_in_degrees(CRS(32635), (500_000, 0, 500_000, 1000))]
+    [27.0, 0.0]
+    >>> centre_in_degrees(None, (0, 0, 1, 1)) is None
+    True
+    """
+    bounds = in_plan(bounds)
+    if crs is None or not np.isfinite(bounds).all():
+        return None
+    horizontal, (xmin, ymin, xmax, ymax) = horizontal_crs(crs), bounds
+    if not (horizontal.is_projected or horizontal.is_geographic) or misplaced(crs, bounds):
+        return None
+    to_degrees = Transformer.from_crs(horizontal, CRS(4326), always_xy=True)
+    east, north = to_degrees.transform((xmin + xmax) / 2, (ymin + ymax) / 2)
+    return (float(east), float(north)) if np.isfinite([east, north]).all() else None
+
+
 def _text(area: Any) -> str:
     """The longitudes and latitudes of an area."""
     return f"{area.west:g} to {area.east:g} E, {area.south:g} to {area.north:g} N"

@@ -13,10 +13,13 @@ from collections.abc import Sequence
 
 AXES = ("x", "y", "z")
 
-_WORDS = {  # English, German, Turkish
-    "x": "easting,east,eastings,xcoordinate,xcoord,rechtswert,ostwert,saga,sagadeger,dogu",
-    "y": "northing,north,northings,ycoordinate,ycoord,hochwert,nordwert,yukari,yukarideger,kuzey",
-    "z": "elevation,height,altitude,elev,zcoordinate,zcoord,hohe,hoehe,kot,yukseklik",
+_WORDS = {  # English, German, Turkish; then Dutch, French, Spanish, Italian and Portuguese
+    "x": "easting,east,eastings,xcoordinate,xcoord,rechtswert,ostwert,saga,sagadeger,dogu,"
+    "oost,xcoordinaat,est,este,coordenadax,coordonneex",
+    "y": "northing,north,northings,ycoordinate,ycoord,hochwert,nordwert,yukari,yukarideger,kuzey,"
+    "noord,ycoordinaat,nord,norte,coordenaday,coordonneey",
+    "z": "elevation,height,altitude,elev,zcoordinate,zcoord,hohe,hoehe,kot,yukseklik,"
+    "hoogte,hauteur,altura,cota,altitud,elevacion,elevacao,quota",
 }
 _AXIS = {word: axis for axis, words in _WORDS.items() for word in words.split(",")}
 _LETTERS = {"e": "x", "n": "y", "h": "z"}  # where easting and northing are there as such letters
@@ -36,6 +39,8 @@ def axes_of(names: Sequence[str]) -> dict[str, str]:
 
     >>> axes_of(["Nokta", "Sağa (Y)", "Yukarı (X)", "Kot"])
     {'Sağa (Y)': 'x', 'Yukarı (X)': 'y', 'Kot': 'z'}
+    >>> axes_of(["punt", "X", "Y", "Hoogte"])
+    {'X': 'x', 'Y': 'y', 'Hoogte': 'z'}
     """
     words = {plain(name) for name in names}
     letters = _LETTERS if {"e", "n"} <= words else {}

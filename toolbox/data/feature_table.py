@@ -10,6 +10,7 @@ OGC 06-103r4, Simple feature access, part 1: well-known text (WKT) of a geometry
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -125,6 +126,10 @@ def _coordinates(names: list[str], path: Path) -> list[str]:
     found = chosen(names)
     if not {*_AXES[:2]} <= found.keys():
         listed = ", ".join(names) or "none"
+        if any(_is_number(name) for name in names):
+            raise DataError(
+                f"{path}: its first line must name the columns, such as name,x,y,z; it is {listed}"
+            )
         raise DataError(f"{path}: features need columns x and y, or {_WKT}, and it has {listed}")
     return list(found.values())
 
@@ -134,11 +139,31 @@ def _positions(
 ) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     try:
         found: np.ndarray[tuple[int, int], np.dtype[np.float64]] = frame.to_numpy(np.float64)
-    except (ValueError, TypeError) as error:
-        text = (
-            f"{path}: coordinates must be numbers; decimals must all have a point, or all a comma"
-        )
-        raise DataError(f"{text}: {error}") from error
+    except (ValueError, TypeError):
+        raise DataError(f"{path}: {_no_number(frame)}") from None
     if bad := np.flatnonzero(~np.isfinite(found[:, :2]).all(axis=1)).tolist():
         raise DataError(f"{path}: row {bad[0] + 1} has no position")
     return found
+
+
+def _no_number(frame: pd.DataFrame) -> str:
+    """The first cell of some columns that is no number, and where it stands."""
+    import pandas as pd
+
+    for name in frame:
+        wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
+        if wrong.any():
+            number = int(np.flatnonzero(wrong)[0])
+            cell = str(frame[name].iloc[number])
+            comma = "; decimals must all have a point, or all a comma"
+            hint = comma if re.fullmatch(_COMMA, cell) else ""
+            return f"row {number + 1}, column {name}: {cell!r} is no number{hint}"
+    return "coordinates must be numbers"
+
+
+def _is_number(name: str) -> bool:
+    try:
+        float(name)
+    except ValueError:
+        return False
+    return True

@@ -277,7 +277,17 @@ def _results(spec: Spec) -> list[dict[str, Any]]:
         first += seen[:1]
     for out in layers if isinstance(spec, Model) else first:
         out["first"] = True
+    if isinstance(spec, Model):
+        return [out | _made_if(spec, out["name"]) for out in made]
     return made
+
+
+def _made_if(model: Model, output: str) -> dict[str, Any]:
+    """The inputs without which no step of a model makes an output; nothing if one always does."""
+    steps = (model.steps.get(name.partition(".")[0]) for name in model.returns[output].names)
+    conditions = [step.when if step else None for step in steps]
+    found = [{"input": c.name.partition(".")[2], "is": c.word} for c in conditions if c]
+    return {"made_if": found} if len(found) == len(conditions) else {}
 
 
 def _set(spec: Spec) -> list[dict[str, Any]]:

@@ -235,6 +235,31 @@ def test_labels_of_the_isprs_test() -> None:
         reference_positive=ClassList([0]),
     ).run()
     assert (out.type_1, out.type_2, out.total_error) == (0, 20, 10)
+    assert out.overall_accuracy == 90, "0 and 1 beside 2 and 1 are no errors"
+    assert out.kappa_of_classes == pytest.approx(out.kappa)
+    assert [row["reference"] for row in out.confusion.rows()][:2] == ["of interest", "all others"]
+    named = CompareClasses(
+        points=points,
+        reference_attribute=Attribute("truth"),
+        reference_positive=ClassList([0]),
+        map=("2=ground", "1=object"),
+        reference_map=("0=ground", "1=object"),
+    ).run()
+    assert named.overall_accuracy == 90
+    assert named.confusion.rows()[0]["reference"] == "ground"
+
+
+def test_a_class_of_interest_that_nothing_has_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """It had a total error of 0 %."""
+    points = from_counts({(2, 2): 5, (1, 1): 4})
+    job: dict[str, Any] = {"points": points, "reference_attribute": Attribute("truth")}
+    out = CompareClasses(**job, positive=ClassList([99])).run()
+    assert (out.total_error, out.type_1, out.kappa) == (None, None, None)
+    assert "positive: no point is of class 99, and none of the reference of class 99" in caplog.text
+    assert out.overall_accuracy == 100
+    caplog.clear()
+    CompareClasses(**job).run()
+    assert "positive" not in caplog.text
 
 
 def test_points_without_counterpart_are_counted_and_marked() -> None:

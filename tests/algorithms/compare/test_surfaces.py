@@ -183,14 +183,16 @@ def test_points_against_a_bilinear_surface(as_points: bool) -> None:
     assert out.le95 == pytest.approx(0.7)
 
 
-def test_points_without_a_surface_are_missing() -> None:
+def test_points_without_a_surface_are_missing(caplog: pytest.LogCaptureFixture) -> None:
     values = slope().values[0].copy()
     values[0, 0] = np.nan
     places = [(1.2, 1.2), (0.2, 5), (5, 5), (90, 5)]  # at the hole, at the edge, inside, outside
     shapes = [shapely.Point(WEST + x, NORTH - y, 25) for x, y in places]
-    layer = Vector(geopandas.GeoDataFrame(geometry=shapes, crs=UTM))
+    layer = Vector(geopandas.GeoDataFrame({"id": list("ABCD")}, geometry=shapes, crs=UTM))
     out = CompareSurfaces(surface=raster(values), checkpoints=layer).run()
     assert (out.count, out.missing, out.absent) == (1, 3, 3)
+    assert "3 of 4 checkpoints have no height of the surface below them: A at " in caplog.text
+    assert f"; D at {WEST + 90:.10g},{NORTH - 5:.10g}" in caplog.text
     apart = r"in both: surface x \d+ to \d+, y \d+ to \d+; checkpoints x \d+ to \d+, y"
     with pytest.raises(DataError, match=apart):
         CompareSurfaces(
@@ -252,9 +254,10 @@ def test_a_blunder_among_checkpoints_is_told(caplog: pytest.LogCaptureFixture) -
         caplog.clear()
         errors = np.random.default_rng(2).normal(0.0, scatter, 40)
         errors[7] = blunder
-        CompareSurfaces(surface=slope(), checkpoints=checks(errors=errors)).run()
+        named = checks(errors=errors, id=[f"CP{n}" for n in range(40)])
+        CompareSurfaces(surface=slope(), checkpoints=named).run()
         assert ("1 of 40 checkpoints are ten times" in caplog.text) == told, blunder
-    assert "by -3.000 m at" in caplog.text
+    assert "by -3.000 m: CP7 at " in caplog.text
     assert "The RMSE of the others is 0.019 m" in caplog.text
 
 
@@ -559,6 +562,13 @@ def test_checkpoints_are_points_with_heights(shape: Any, text: str) -> None:
     with pytest.raises(DataError, match=r"checkpoints: .*c\.gpkg") as error:
         CompareSurfaces(surface=slope(), checkpoints=layer)
     assert text in str(error.value)
+
+
+def test_heights_in_a_column_of_another_name_are_asked_for() -> None:
+    frame = geopandas.GeoDataFrame({"pt": ["A"], "level": [5.0]}, geometry=[shapely.Point(1, 2)])
+    layer = Vector(frame.set_crs(UTM), name="c.csv")
+    with pytest.raises(DataError, match="of a CSV it is the column z, and there are pt, level"):
+        CompareSurfaces(surface=slope(), checkpoints=layer)
 
 
 def test_covers_that_do_not_occur_are_named() -> None:

@@ -35,3 +35,12 @@ def test_coordinates_that_cannot_be_there_are_refused() -> None:
     degrees = cloud([[29.0, 41.0, 0.0], [29.001, 41.001, 0.0]], crs=None)
     with pytest.raises(DataError, match="look like degrees"):
         PointsAssignCrs(points=degrees, crs=CRS(32635))
+
+
+def test_coordinates_far_from_the_area_of_use_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """A Dutch survey became a French one, and nothing was said."""
+    dutch = cloud([[132_000.0, 549_000.0, 0.0], [132_900.0, 549_700.0, 3.0]], crs=None)
+    PointsAssignCrs(points=dutch, crs=CRS(28992)).run()
+    assert not caplog.text
+    PointsAssignCrs(points=dutch, crs=CRS(2154)).run()
+    assert "far outside the area of use of EPSG:2154" in caplog.text

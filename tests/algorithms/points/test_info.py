@@ -11,6 +11,7 @@ import laspy
 import numpy as np
 import pytest
 from pyproj import CRS
+from scenes.layers import cloud
 from scenes.towns import plane
 
 from algorithms.points.info import PointsInfo, covered_area
@@ -39,6 +40,18 @@ def report(cloud: PointCloud | Survey) -> tuple[dict[str, Any], list[str]]:
 def test_points_outside_the_area_of_use_of_their_crs(tmp_path: Path) -> None:
     for points in (grid(), tiles(tmp_path, [(0, 0), (1, 0)])):
         assert PLACE in " ".join(map(str, PointsInfo(points=points).run().table.frame["value"]))
+
+
+def test_where_on_the_earth_the_points_are_is_told(tmp_path: Path) -> None:
+    """Who knows the place of a survey sees that its CRS is wrong."""
+    here = cloud([[500_000.0, 4_600_000.0, 3.0], [500_100.0, 4_600_100.0, 8.0]])
+    here.save(tmp_path / "a.laz")
+    for points in (here, Survey.open([tmp_path / "a.laz"])):
+        found, _ = report(points)
+        assert found["longitude of the centre"] == pytest.approx(27.0, abs=0.001)
+        assert found["latitude of the centre"] == pytest.approx(41.55, abs=0.01)
+    found, _ = report(grid(crs=None))
+    assert "latitude of the centre" not in found
 
 
 def test_lists_of_first_and_last_returns_are_told() -> None:

@@ -42,6 +42,15 @@ def test_water_is_level_and_no_shore_is_lower() -> None:
     assert (z[0] == 12.0).all()
 
 
+def test_the_width_of_gaps_at_the_shore_is_told_in_metres(caplog: pytest.LogCaptureFixture) -> None:
+    """It had been the number of feet, said to be metres."""
+    z = np.where(bowl().band() == 9.0, 12.0, bowl().band())
+    z[2, 4:6] = np.nan
+    feet = CRS(2263)
+    SurfaceFlattenWater(terrain=replace(raster(z), crs=feet), water=pond(crs=feet)).run()
+    assert "at most 5 m from the water" in caplog.text
+
+
 def test_gaps_at_the_shore_lie_between_water_and_ground(caplog: pytest.LogCaptureFixture) -> None:
     """Two empty cells at the shore of a real lake made a storage curve end at the edge of data."""
     z = np.where(bowl().band() == 9.0, 12.0, bowl().band())
@@ -49,6 +58,7 @@ def test_gaps_at_the_shore_lie_between_water_and_ground(caplog: pytest.LogCaptur
     found = SurfaceFlattenWater(terrain=raster(z), water=pond()).run().flattened.band()
     assert ((found[2, 4:6] > 10.0) & (found[2, 4:6] < 12.0)).all()
     assert "2 empty cells at shores have heights between water and ground" in caplog.text
+    assert "at most 5 m from the water" in caplog.text
     assert np.isnan(found[12, 12])
     z[1, 4:6] = np.nan  # as far from the water as the shore is wide
     found = SurfaceFlattenWater(terrain=raster(z), water=pond(), shore=2).run().flattened.band()

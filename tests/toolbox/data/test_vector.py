@@ -253,7 +253,10 @@ def test_what_is_no_vector_layer(tmp_path: Path) -> None:
     for text, problem in (
         ("a,b\n1,2\n", "features need columns x and y, or wkt, and it has a, b"),
         ("x,y\n1,2\n3,\n", "row 2 has no position"),
-        ("x,y\n1,2\n3,north\n", "coordinates must be numbers"),
+        ("x,y\n1,2\n3,north\n", "row 2, column y: 'north' is no number$"),
+        ("id;x;y\nA;1;2\nB;3,5;1.O25\n", "row 2, column y: '1.O25' is no number$"),
+        ('x,y\n1,2\n3,"2,5"\n', "'2,5' is no number; decimals must all have a point"),
+        ("A1,1,2,3\nA2,1,2,3\n", "its first line must name the columns, such as name,x,y,z"),
         ("n,wkt\n1,POINT (1\n", "cannot be read as a vector layer"),
     ):
         (tmp_path / "a.csv").write_text(text)

@@ -51,3 +51,16 @@ def test_layers_of_a_set_look_like_the_same_results_alone(id: str) -> None:
     for layer in layers:
         alone = outputs[layer["name"]]
         assert {k: layer.get(k) for k in looks} == {k: alone.get(k) for k in looks}
+
+
+def test_what_an_input_is_needed_for_is_told() -> None:
+    """QGIS asks for all results of a model, and would warn of those that nobody can expect."""
+
+    def made_if(id: str) -> dict[str, object]:
+        outputs = tool(catalog.load(id))["outputs"]
+        return {o["name"]: o["made_if"] for o in outputs if "made_if" in o}
+
+    assert made_if("models.terrain")["water_bodies"] == [{"input": "level_water", "is": None}]
+    assert "dtm" not in made_if("models.terrain")
+    vertices = made_if("models.reservoir_shoreline")["vertices"]
+    assert vertices == [{"input": "preset", "is": "default"}]

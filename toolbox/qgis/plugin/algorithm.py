@@ -122,7 +122,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
     def processAlgorithm(self, parameters: Any, context: Any, feedback: Any) -> dict[str, Any]:
         read = Reader(self, self.tool["inputs"], parameters, context, feedback)
         given = [(field, read.input(field)) for field in self.tool["inputs"]]
-        given += self._written(read)
+        given += self._written(read, {field["name"]: value for field, value in given})
         given = [(f, v) for f, v in given if v is not UNSET and not self._is_default(f, v, read)]
         values = {field["name"]: value for field, value in given if not field.get("option")}
         options = ["--overwrite"]  # the dialog has asked
@@ -148,14 +148,26 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
             dialog.has_page = self.has_page
         return found
 
-    def _written(self, read: Reader) -> list[tuple[dict[str, Any], Any]]:
-        """The outputs and their places; what is handed over has no temporary file besides."""
+    def _written(self, read: Reader, values: dict[str, Any]) -> list[tuple[dict[str, Any], Any]]:
+        """The outputs and their places.
+
+        What is handed over has no temporary file besides, nor has what an input that was not given
+        is needed for: the dialog asks for all results of a model, and its user for none of these.
+        """
         writes = [field for field in self.tool["outputs"] if not is_value(field)]
         folder = delivery.folder_of(self.tool)
         handed = folder and not is_missing(read.parameters.get(folder["name"].upper()))
         inside = delivery.names(folder) if folder and handed else set()
+        inside |= {field["name"] for field in writes if not self._is_made(field, values)}
         skipped = {name for name in inside if read.is_temporary(name.upper())}
         return [(f, read.output(f)) for f in writes if f["name"] not in skipped]
+
+    def _is_made(self, field: dict[str, Any], values: dict[str, Any]) -> bool:
+        """Whether a run with these inputs makes an output."""
+        defaults = {f["name"]: f.get("default") for f in self.tool["inputs"]}
+        known = defaults | {name: v for name, v in values.items() if v is not UNSET}
+        conditions = field.get("made_if")
+        return conditions is None or any(_holds(one, known[one["input"]]) for one in conditions)
 
     def _handed_over(
         self, result: dict[str, Any], places: dict[str, Any], context: Any
@@ -266,6 +278,13 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
                     details.name = f"{details.name}: {made_from}"
                 mine = (f"{bridge.PROVIDER}:{self.name()}", field["name"].upper())
                 details.setPostProcessor(Styler.of(self.colours, field, mine))
+
+
+def _holds(condition: dict[str, Any], value: Any) -> bool:
+    """Whether an input has the word that a step waits for, or is on or given."""
+    if condition["is"] is not None:
+        return bool(value == condition["is"])
+    return value is not None and value is not False
 
 
 def option_words(field: dict[str, Any], value: Any) -> list[str]:

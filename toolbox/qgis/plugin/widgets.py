@@ -34,7 +34,8 @@ class _Wrapper(WidgetWrapper):
         self.row.setToolTip(self.parameterDefinition().toolTip())
         self.row.changed.connect(lambda: self.widgetValueHasChanged.emit(self))
         if self.dialogType == DIALOG_MODELER:
-            for source in self.dialog.getAvailableValuesOfType(self.inputs, self.results):
+            offered = self.dialog.getAvailableValuesOfType(self.inputs, self.results)
+            for source in filter(self.takes, offered):
                 self.row.box.addItem(self.dialog.resolveValueDescription(source), source)
         return self.row
 
@@ -47,6 +48,10 @@ class _Wrapper(WidgetWrapper):
 
     def made(self, parameter: Any) -> Any:
         raise NotImplementedError
+
+    def takes(self, source: Any) -> bool:
+        """Whether an input or result of the model, of a class that it takes, can be a value."""
+        return True
 
     def setValue(self, value: Any) -> None:
         each = value if isinstance(value, list) else [value]
@@ -88,6 +93,15 @@ class PointsWidget(_Wrapper):
         row = PointsRow(parameter.createFileFilter())
         row.list_layers()
         return row
+
+    def takes(self, source: Any) -> bool:
+        """Not the plots, reports and texts of our tools, which are files and texts as well."""
+        if source.source() != QgsProcessingModelChildParameterSource.ChildOutput:
+            return True
+        maker = self.dialog.model.childAlgorithm(source.outputChildId()).algorithm()
+        fields = {f["name"].upper(): f for f in getattr(maker, "tool", {}).get("outputs", ())}
+        field = fields.get(source.outputName())
+        return field is None or field["type"] == "pointcloud"
 
     def value(self) -> Any:
         return self.row.shown() or None

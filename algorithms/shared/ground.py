@@ -191,10 +191,10 @@ class Candidates:
 
     def _tell_lost(self, old: NDArray[Any], new: NDArray[np.uint8]) -> None:
         """Say which classes are gone that somebody has given to objects."""
-        gone = np.unique(old[(old != new) & (new == OTHER)])
-        if named := [str(number) for number in gone if number not in (0, GROUND)]:
+        gone = np.unique(old[old != new])
+        if named := [str(number) for number in gone if number not in (0, OTHER, GROUND)]:
             log.info(
-                "points of class %s become 1, as all that is no ground does, unless keep_classes "
+                "points of class %s become 2 on the ground and 1 elsewhere, unless keep_classes "
                 "names it",
                 ", ".join(named),
             )

@@ -346,8 +346,19 @@ def check_no_file_is_written_over_for_a_layer_of_it() -> None:
     output["suffixes"] = [".gpkg"]
     algorithm = ToolAlgorithm(EVERYTHING | {"outputs": [output]}, COLOURS).create()
     database = "ogr:dbname='{}' table=\"a\" (geom)"
-    new = out("new.gpkg")
+    new, several = out("new.gpkg"), out("several.gpkg")
+    for name in ("a", "b"):
+        options = QgsVectorFileWriter.SaveVectorOptions()
+        options.layerName = name
+        if os.path.exists(several):
+            options.actionOnExistingFile = (
+                QgsVectorFileWriter.ActionOnExistingFile.CreateOrOverwriteLayer
+            )
+        QgsVectorFileWriter.writeAsVectorFormatV3(
+            square(), several, QgsProject.instance().transformContext(), options
+        )
     for place, expected in (
+        (several, "its other layers would be lost"),
         (database.format(taken), "its other layers would be lost"),
         ("postgis:dbname='x' table=\"b\"", "must be a file"),
         (database.format(new), {"path": new, "layer": "a"}),

@@ -71,6 +71,7 @@ _DRIVERS = {
     ".kml": "LIBKML",
 }
 _WGS84 = CRS.from_epsg(4326)
+UNDEFINED = "Undefined "  # begins the names of the CRS by which GeoPackages say that there is none
 
 
 class Vector(Layer):
@@ -498,6 +499,8 @@ def _read(path: Path, layer: str | None) -> Vector:
         info = pyogrio.read_info(path, layer=name)
     if path.suffix.lower() == shapefile.SUFFIX:
         frame = frame.rename(columns=shapefile.attribute_names(path))
+    if frame.crs is not None and frame.crs.name.startswith(UNDEFINED):
+        frame = frame.set_crs(None, allow_override=True)
     if path.suffix.lower() == geopackage.SUFFIX and frame.crs is None:
         frame = frame.set_crs(local_crs(geopackage.description(path, name)))
     return Vector(frame, name=path.name, geometry_type=info["geometry_type"])

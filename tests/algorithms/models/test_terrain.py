@@ -97,7 +97,7 @@ def test_classes_that_stay_are_told_and_can_be_named(caplog: pytest.LogCaptureFi
     values = {"points": points, "denoise": False, "image": False}
     with caplog.at_level("INFO", "toolbox"):
         lost = toolbox.run("models.terrain", values)["classified"]["classification"]
-    assert "points of class 6 become 1" in caplog.text
+    assert "points of class 6 become 2 on the ground and 1 elsewhere" in caplog.text
     assert not (lost == 6).any()
     caplog.clear()
     with caplog.at_level("INFO", "toolbox"):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import geopandas
@@ -379,3 +381,16 @@ def test_heights_in_our_own_tables_stay_attributes(tmp_path: Path) -> None:
     found = Vector.open(tmp_path / "tops.csv").frame
     assert found["height"].tolist() == [9.5]
     assert not found.geometry.has_z.any()
+
+
+@pytest.mark.parametrize("number", [0, -1])
+def test_an_undefined_crs_of_a_geopackage_is_none(tmp_path: Path, number: int) -> None:
+    """QGIS writes a layer in memory without a CRS so; nobody could say which one it has."""
+    path = tmp_path / "a.gpkg"
+    Vector(points()).save(path)
+    with closing(sqlite3.connect(path)) as file:
+        for table in ("gpkg_contents", "gpkg_geometry_columns"):
+            file.execute(f"UPDATE {table} SET srs_id = ?", (number,))
+        file.commit()
+    assert Vector.open(path).crs is None
+    assert Vector.open(path, assume_crs=2992).crs == CRS(2992)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import re
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -260,12 +262,13 @@ class Reader:
         if not path:
             return UNSET
         database = re.fullmatch(r"ogr:dbname='(.+?)' table=\"(.+?)\".*", path)
-        if database and os.path.exists(database[1]):
+        file = database[1] if database else path
+        if (database and os.path.exists(file)) or _count_layers(file) > 1:
             raise QgsProcessingException(
                 language.text(
                     "{label}: {file} exists, and its other layers would be lost: tools write whole "
                     "files. Choose a new GeoPackage."
-                ).format(label=field["label"], file=database[1])
+                ).format(label=field["label"], file=file)
             )
         if not database and re.match("[a-z]{2,}:", path):
             raise QgsProcessingException(
@@ -295,3 +298,16 @@ class Reader:
     def _in_folder(self, folder: str, field: dict[str, Any]) -> str:
         os.makedirs(folder, exist_ok=True)
         return str(Path(folder) / (field["name"] + field["suffixes"][0]))
+
+
+def _count_layers(path: str) -> int:
+    """The number of layers of a GeoPackage; 0 for what is none, or not there."""
+    if not (path.lower().endswith(".gpkg") and os.path.isfile(path)):
+        return 0
+    try:
+        with closing(
+            sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", uri=True)
+        ) as file:
+            return int(file.execute("SELECT count(*) FROM gpkg_contents").fetchone()[0])
+    except sqlite3.Error:
+        return 0

@@ -96,7 +96,7 @@ class PointsWidget(_Wrapper):
 
     def takes(self, source: Any) -> bool:
         """Not the plots, reports and texts of our tools, which are files and texts as well."""
-        if source.source() != QgsProcessingModelChildParameterSource.ChildOutput:
+        if not source.outputChildId():  # an input of the model, or a value
             return True
         maker = self.dialog.model.childAlgorithm(source.outputChildId()).algorithm()
         fields = {f["name"].upper(): f for f in getattr(maker, "tool", {}).get("outputs", ())}

@@ -895,6 +895,10 @@ def check_a_set_is_handed_over_and_its_layers_are_loaded() -> None:
     assert {"SET/hillshade.tif", "SET/contours.gpkg|layername=contours"} <= set(loads), loads
     assert "SET/contours.gpkg|layername=labels" not in loads, "it would be empty"
     assert "SET/dsm.tif" not in loads, "the same as the own file"
+    assert not [text for text in feedback.said if "earlier set" in text], "there was none"
+    _, ok = provider.algorithm("modelsterrain").create().run(values, context(), feedback)
+    assert ok, feedback.said
+    assert [text for text in feedback.said if "earlier set" in text], "it is replaced"
     for path, details in ctx.layersToLoadOnCompletion().items():
         assert details.postProcessor() is not None, path
         layer = QgsProcessingUtils.mapLayerFromString(path, ctx)

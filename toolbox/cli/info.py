@@ -13,7 +13,7 @@ import pandas as pd
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Raster, Table, Vector, drivers
 from toolbox.data.crs import describe_crs
-from toolbox.data.paths import Paths, missing
+from toolbox.data.paths import Paths, PointFiles, missing
 from toolbox.data.remote.address import as_path
 from toolbox.data.text import standard_names
 from toolbox.errors import DataError, ParameterError, memory_named
@@ -61,7 +61,7 @@ def describe_file(paths: Paths, ctx: Context = QUIET) -> Table:
 
 
 def describe_files(paths: Sequence[str], ctx: Context = QUIET) -> list[Table]:
-    """One table, as of `describe_file`; one of each file where the files are no survey.
+    """One table, as of `describe_file`; one of each file, also of a folder, that are no survey.
 
     Raises
     ------
@@ -71,9 +71,11 @@ def describe_files(paths: Sequence[str], ctx: Context = QUIET) -> list[Table]:
     try:
         return [describe_file(paths, ctx)]
     except DataError as error:
-        if len(paths) < 2:
+        folder = len(paths) == 1 and as_path(paths[0]).is_dir()
+        files = PointFiles.of(paths).paths if folder else paths
+        if len(files) < 2:
             raise
-        made = [describe_file(path, ctx) for path in paths]
+        made = [describe_file(path, ctx) for path in files]
         log.warning("the files are described one by one, as they are no survey: %s", error)
         return made
 

@@ -151,7 +151,12 @@ def field(f: Field) -> dict[str, Any]:
         made["known"] = [[code, name] for code, (name, _) in POINT_CLASSES.items()]
     made |= {"reads": [*READABLE, VPC]} if made["type"] == "pointcloud" else {}
     made |= {"shapes": list(f.shapes)} if f.shapes else {}
-    made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
+    made |= {
+        "required": f.required,
+        "nullable": f.optional,
+        "rule": language.told(f.rule()),
+        **f.limits,
+    }
     if f.kind is CHOICE:
         made["choices"] = [str(choice) for choice in f.choices]
         made["words"] = [language.text(f.choice_title(choice)) for choice in f.choices]
@@ -358,7 +363,7 @@ def in_dialog(text: str, spec: Spec) -> str:
 
 def _entry(f: Field, spec: Spec) -> str:
     unit = f" [{f.unit}]" if f.unit and f.unit != "1" else ""
-    says = f.rule() if f.role == "param" else ""
+    says = language.told(f.rule()) if f.role == "param" else ""
     if f.many and f.role == "param" and f.kind is not CHOICE:
         says = "; ".join(filter(None, [language.text("several with ; between"), says]))
     rule = f" ({says})" if says else ""

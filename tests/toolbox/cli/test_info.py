@@ -195,8 +195,11 @@ def test_files_that_are_no_survey_are_described_one_by_one(
     assert "EPSG:32636" in second
     assert "EGM96 height" in second
     assert "described one by one" in said.err
+    assert main(["info", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == said.out
     Path(files[1]).write_bytes(b"no LAS")
     assert main(["info", *files]) == 3
+    assert main(["info", str(tmp_path)]) == 3
 
 
 def test_sentences_are_in_the_language_of_the_user(

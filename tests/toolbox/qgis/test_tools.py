@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from toolbox import catalog
+from toolbox import catalog, language
 from toolbox.qgis.tools import listing, tool
 
 
@@ -64,3 +64,11 @@ def test_what_an_input_is_needed_for_is_told() -> None:
     assert "dtm" not in made_if("models.terrain")
     vertices = made_if("models.reservoir_shoreline")["vertices"]
     assert vertices == [{"input": "preset", "is": "default"}]
+
+
+def test_rules_are_in_the_language_of_the_dialog() -> None:
+    with language.speaking("tr"):
+        town = tool(catalog.load("models.urban_classes"))
+    assert " ve " in next(f["rule"] for f in town["inputs"] if f["name"] == "min_height")
+    assert not [f["name"] for f in town["inputs"] if " and " in f.get("rule", "")]
+    assert not re.findall(r"[<>]=? [\d.]+ and ", town["help"])

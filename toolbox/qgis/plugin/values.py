@@ -251,7 +251,7 @@ class Reader:
         """
         name = field["name"].upper()
         if field["type"] == "folder":
-            return self._folder(name)
+            return self._folder(field, name)
         if field["many"]:
             folder = self._as("String", name) if name in self.parameters else ""
             return self._in_folder(folder, field) if folder else UNSET
@@ -278,11 +278,20 @@ class Reader:
             )
         return {"path": database[1], "layer": database[2]} if database else path
 
-    def _folder(self, name: str) -> Any:
-        """The path of a folder that the tool makes; a temporary one is its own."""
+    def _folder(self, field: dict[str, Any], name: str) -> Any:
+        """The path of a folder that the tool makes; a temporary one is its own.
+
+        Dialogs do not ask whether the files of an earlier set may be replaced, so this is told.
+        """
         if self.is_temporary(name):
             return QgsProcessingUtils.generateTempFilename(name.lower())
-        return self._as("String", name) if not is_missing(self.parameters.get(name)) else UNSET
+        if is_missing(self.parameters.get(name)):
+            return UNSET
+        path = self._as("String", name)
+        if os.path.exists(os.path.join(path, field["readme"])):
+            text = language.text("{label}: the files of an earlier set in {folder} are replaced")
+            self.feedback.pushWarning(text.format(label=field["label"], folder=path))
+        return path
 
     def is_temporary(self, name: str) -> bool:
         """Whether an output has no place of its own."""

@@ -499,6 +499,24 @@ def check_points_are_picked_by_all_endings_that_are_read() -> None:
     assert made.checkValueIsAcceptable(str(FOLDER))
 
 
+def check_the_crs_that_the_project_knows_of_a_layer_is_used() -> None:
+    """The file of the layer states none, and its user has set it in QGIS."""
+    bare, options = out("bare.shp"), QgsVectorFileWriter.SaveVectorOptions()
+    options.driverName = "ESRI Shapefile"
+    rules = QgsProject.instance().transformContext()
+    QgsVectorFileWriter.writeAsVectorFormatV3(square(), bare, rules, options)
+    os.remove(bare.replace(".shp", ".prj"))
+    layer = QgsVectorLayer(bare, "plots", "ogr")
+    assert not layer.crs().isValid()
+    QgsProject.instance().addMapLayer(layer)
+    assert read(VECTOR=layer.id())["vector"] == bare, "nobody has said it"
+    layer.setCrs(QgsCoordinateReferenceSystem("EPSG:32635"))
+    path = read(VECTOR=layer.id())["vector"]
+    assert QgsVectorLayer(path).crs().authid() == "EPSG:32635", path
+    assert "plots" in path
+    assert QgsVectorLayer(path).featureCount() == 2
+
+
 def check_features_in_another_crs_are_reprojected() -> None:
     layer = QgsVectorLayer("Polygon?crs=EPSG:4326&field=severity:string", "degrees", "memory")
     feature = QgsFeature(layer.fields())

@@ -15,6 +15,7 @@ from qgis.core import (
     QgsCoordinateTransform,
     QgsProcessing,
     QgsProcessingException,
+    QgsProcessingFeatureSourceDefinition,
     QgsProcessingOutputLayerDefinition,
     QgsProcessingUtils,
     QgsVectorFileWriter,
@@ -218,24 +219,45 @@ class Reader:
         way = QgsCoordinateTransform(layer.crs(), target, self.context.transformContext())
         if not moves(way, layer.extent()):
             return given
-        options = QgsVectorFileWriter.SaveVectorOptions()
-        options.driverName, options.ct = "GPKG", way
-        path = QgsProcessingUtils.generateTempFilename(f"{field['name']}.gpkg")
-        rules = self.context.transformContext()
-        error, said, *_ = QgsVectorFileWriter.writeAsVectorFormatV3(layer, path, rules, options)
-        if error != QgsVectorFileWriter.WriterError.NoError:
-            raise QgsProcessingException(
-                language.text("{label} cannot be reprojected: {why}").format(
-                    label=field["label"], why=said
-                )
-            )
+        path = self._saved(layer, field["label"], f"{field['name']}.gpkg", way)
         names = [crs.authid() or crs.description() for crs in (layer.crs(), target)]
         text = language.text("{label}: reprojected from {old} to {new}")
         self.feedback.pushInfo(text.format(label=field["label"], old=names[0], new=names[1]))
         return path
 
+    def _saved(self, layer: Any, label: str, file: str, way: Any = None) -> str:
+        """The path of a temporary file with the features of a layer, moved if there is a way.
+
+        Raises
+        ------
+        QgsProcessingException
+            It cannot be written.
+        """
+        options = QgsVectorFileWriter.SaveVectorOptions()
+        options.driverName = "GPKG"
+        if way is not None:
+            options.ct = way
+        path = QgsProcessingUtils.generateTempFilename(file)
+        rules = self.context.transformContext()
+        error, said, *_ = QgsVectorFileWriter.writeAsVectorFormatV3(layer, path, rules, options)
+        if error != QgsVectorFileWriter.WriterError.NoError:
+            raise QgsProcessingException(
+                language.text("{label} cannot be saved: {why}").format(label=label, why=said)
+            )
+        return str(path)
+
     def _features(self, name: str) -> Any:
-        """The file of a layer; one in memory, filtered or selected is written to a file first."""
+        """The file of a layer; one in memory, filtered or selected is written to a file first.
+
+        So is one whose CRS the project knows and its file does not state.
+        """
+        whole = not isinstance(self.parameters[name], QgsProcessingFeatureSourceDefinition)
+        shown = self._as("Layer", name) if whole else None
+        if shown is not None and shown.crs().isValid() and shown.providerType() == "ogr":
+            of_file = QgsVectorLayer(shown.source(), name, "ogr")
+            if of_file.isValid() and not of_file.crs().isValid():
+                file = re.sub(r"[^\w -]", "_", shown.name())
+                return self._saved(shown, shown.name(), f"{file}.gpkg")
         path, layer = self.algorithm.parameterAsCompatibleSourceLayerPathAndLayerName(
             self.parameters, name, self.context, FORMATS, "gpkg", self.feedback
         )

@@ -257,7 +257,7 @@ def _crs(crs: str | CRS | None, where: str) -> CRS | None:
 def _elsewhere(name: str, spec: Spec) -> str:
     """Where what is no input belongs, if it is an option of the run or of a source."""
     source, dot, option = name.partition(".")
-    if dot and source in spec.sources:
+    if dot and source in spec.sources and option in spec.sources[source].kind.open_options:
         said = f"--{name}, in Python {{{source!r}: {{'path': ..., {option!r}: ...}}}}"
         return f"is an option of reading {source}: {said}"
     if name not in spec.inputs and name in OPTIONS:

@@ -95,7 +95,8 @@ def told(english: str) -> str:
     return "\n".join(_line(code, line) for line in english.split("\n"))
 
 
-_NUMBER = re.compile(r"[^A-Za-z]*\d[^A-Za-z]*(?:[A-Za-z]{1,2}[²³]?)?")  # with a unit, or without
+_UNIT = r"(?:(?:US )?[A-Za-z]{1,2}[²³]?)?"
+_NUMBER = re.compile(rf"[^A-Za-z]*\d[^A-Za-z]*{_UNIT}(?: to [^A-Za-z]*\d[^A-Za-z]*{_UNIT})?")
 _MARKS = "; ", ": ", ", ", " (", " ["  # between the parts of a label
 
 
@@ -107,8 +108,8 @@ def label(english: str) -> str:
     >>> label("Height nobody has translated (m)")
     'Height nobody has translated (m)'
     >>> with speaking("tr"):
-    ...     label("Elevation (m)"), label("0.25 m"), label("Plot 2.5")
-    ('Yükseklik (m)', '0,25 m', 'Plot 2.5')
+    ...     label("Elevation (m)"), label("0.25 m"), label("-0.1 to 0.2"), label("Plot 2.5")
+    ('Yükseklik (m)', '0,25 m', '-0,1 to 0,2', 'Plot 2.5')
     """
     if chosen() == "en":
         return english

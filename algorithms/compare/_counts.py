@@ -120,7 +120,7 @@ class Counts:
             "type_2": ("Type II", Proportion(c, c + d), "c / (c + d)"),
             "total_error": (
                 "total error",
-                Proportion(b + c, self.total if a + b + c else 0),  # not 0 % of nothing
+                Proportion(b + c, self.total),
                 "(b + c) / (a + b + c + d)",
             ),
             "correctness": ("correctness", Proportion(a, a + c), "a / (a + c)"),

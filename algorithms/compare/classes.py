@@ -105,7 +105,8 @@ class CompareClasses:
 
     For ground filters `positive` names the class of interest, ground by default; points of all
     other classes count as objects. For labels where ground is 0, as in the ISPRS filter test, give
-    `reference_positive` 0: unless a map names the classes, these are the only two then. Type I is
+    `reference_positive` 0: where it shares no code with `positive`, and no map names the classes,
+    these are the only two. Type I is
     the share of reference ground that was lost, Type II the share of reference objects that was
     taken for ground. The first pair of limits in `table` is that of
     Wilson for shares, of Fleiss, Cohen and Everitt for kappa, which holds for independent points
@@ -266,7 +267,9 @@ class CompareClasses:
         ctx.progress(0.65)
         is_said = np.isin(said, self.positive)
         is_true = np.isin(true, self._truth)
-        self._tell_of_no_interest(is_said[counted], is_true[counted])
+        of_interest = bool(is_said[counted].any() or is_true[counted].any())
+        if not of_interest:
+            self._tell_of_no_interest()
         legend = self._legend(said[counted], true[counted])
         by_block = legend.tally(said[counted], true[counted], ground.number, ground.square)
         warn_clumps(Clumping.of(by_block))
@@ -292,7 +295,7 @@ class CompareClasses:
             kappa_of_classes=summary["kappa"],
             type_1=counts.type_1,
             type_2=counts.type_2,
-            total_error=counts.total_error,
+            total_error=counts.total_error if of_interest else None,
             kappa=counts.kappa,
             unmatched=int(np.count_nonzero(~matched & self.points.core)),
             absent=absent,
@@ -354,7 +357,7 @@ class CompareClasses:
         Where the reference has codes of its own, and nobody names them, all that is known of them
         is whether they are of interest: 0 and 1 against 2 and 1 would otherwise all be errors.
         """
-        own_codes = {*self._truth} != {*self.positive}
+        own_codes = {*self._truth}.isdisjoint(self.positive)
         if own_codes and self.map is None and self.reference_map is None:
             sides = (said, self.positive), (true, self._truth)
             one, other = (
@@ -365,15 +368,14 @@ class CompareClasses:
         reference = self.reference_map if self.reference_map is not None else self.map
         return names_of(self.map or ()), names_of(reference or ())
 
-    def _tell_of_no_interest(self, is_said: Mask, is_true: Mask) -> None:
+    def _tell_of_no_interest(self) -> None:
         """Warn that no point is of the classes of interest: 0 % would be wrong otherwise."""
-        if not (is_said.any() or is_true.any()):
-            log.warning(
-                "positive: no point is of class %s, and none of the reference of class %s: nothing "
-                "is known of its errors",
-                self.positive,
-                self._truth,
-            )
+        log.warning(
+            "positive: no point is of class %s, and none of the reference of class %s: nothing is "
+            "known of its errors",
+            self.positive,
+            self._truth,
+        )
 
     def _marked(self, is_said: Mask, is_true: Mask, counted: Mask) -> PointCloud:
         """The points with their errors, and with colours if asked for."""

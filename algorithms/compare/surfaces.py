@@ -45,6 +45,7 @@ STATED = "RMSEH"
 CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
 MOST_BINS = 80
 NAMED = 5  # checkpoints without a counterpart that a warning names
+LONGEST_NAME = 40  # characters of a checkpoint in a warning
 BLUNDER = 0.1  # metres: no blunder is smaller, whatever the scatter of the others
 UNKNOWN = "not known"  # land cover of a position that no class or polygon covers
 
@@ -420,10 +421,15 @@ class CompareSurfaces:
 
     def _name_of(self, number: int) -> str:
         """The first attribute of a checkpoint, by which its surveyor finds it, before its place."""
+        import pandas as pd
+
         frame = self.checkpoints.frame if self.checkpoints is not None else None
         if frame is None or len(frame.columns) < 2:
             return ""
-        return f"{frame.drop(columns=frame.geometry.name).iloc[number, 0]} at "
+        name = frame.drop(columns=frame.geometry.name).iloc[number, 0]
+        text = "" if pd.isna(name) else " ".join(str(name).split())
+        printable = "".join(letter for letter in text if letter.isprintable())
+        return f"{printable[:LONGEST_NAME]} at " if printable else ""
 
     def _tell_far(self, found: ErrorsAtPlaces, whole: Mapping[str, Any]) -> None:
         """Warn of checkpoints that may be blunders, and of what the RMSE is without them."""

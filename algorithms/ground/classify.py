@@ -72,7 +72,7 @@ class GroundClassify:
 
         def in_words(self) -> str:
             """How much is ground."""
-            return f"{100 * self.ground_share:.1f} % of the points were taken for ground."
+            return f"{100 * self.ground_share:.1f} % of the points are ground (class 2)."
 
     def halo(self) -> float:
         """Distance beyond which the terrain does not change labels; measured, see the page."""

@@ -326,6 +326,8 @@ def test_options_within_the_dict_are_told_where_they_belong() -> None:
     told = str(caught.value)
     assert "overwrite: is an option of the run and no input: in Python overwrite=... " in told
     assert "assume_crs: is an option of the run and no input" in told
+    with pytest.raises(ParameterError, match=r"points\.bogus: unknown parameter"):
+        toolbox.run("points.info", {"points": "a.laz", "points.bogus": 1})
     assert "--points.columns, in Python {'points': {'path': ..., 'columns': ...}}" in told
 
 

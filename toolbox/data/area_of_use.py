@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS, Transformer
+from pyproj.exceptions import ProjError
 
 from toolbox.data.crs import describe_crs, horizontal_crs
 from toolbox.data.lattice import in_plan
@@ -114,7 +115,10 @@ def centre_in_degrees(crs: CRS | None, bounds: Sequence[float]) -> tuple[float, 
     horizontal, (xmin, ymin, xmax, ymax) = horizontal_crs(crs), bounds
     if not (horizontal.is_projected or horizontal.is_geographic) or misplaced(crs, bounds):
         return None
-    to_degrees = Transformer.from_crs(horizontal, CRS(4326), always_xy=True)
+    try:
+        to_degrees = Transformer.from_crs(horizontal, CRS(4326), always_xy=True)
+    except ProjError:  # of another celestial body
+        return None
     east, north = to_degrees.transform((xmin + xmax) / 2, (ymin + ymax) / 2)
     return (float(east), float(north)) if np.isfinite([east, north]).all() else None
 

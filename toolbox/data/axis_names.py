@@ -13,13 +13,13 @@ from collections.abc import Sequence
 
 AXES = ("x", "y", "z")
 
-_WORDS = {  # English, German, Turkish; then Dutch, French, Spanish, Italian and Portuguese
-    "x": "easting,east,eastings,xcoordinate,xcoord,rechtswert,ostwert,saga,sagadeger,dogu,"
-    "oost,xcoordinaat,est,este,coordenadax,coordonneex",
-    "y": "northing,north,northings,ycoordinate,ycoord,hochwert,nordwert,yukari,yukarideger,kuzey,"
-    "noord,ycoordinaat,nord,norte,coordenaday,coordonneey",
-    "z": "elevation,height,altitude,elev,zcoordinate,zcoord,hohe,hoehe,kot,yukseklik,"
-    "hoogte,hauteur,altura,cota,altitud,elevacion,elevacao,quota",
+_WORDS = {  # English, German, Turkish
+    "x": "easting,east,eastings,xcoordinate,xcoord,rechtswert,ostwert,saga,sagadeger,dogu",
+    "y": "northing,north,northings,ycoordinate,ycoord,hochwert,nordwert,yukari,yukarideger,kuzey",
+    "z": "elevation,height,altitude,elev,zcoordinate,zcoord,hohe,hoehe,kot,yukseklik",
+}
+_HEIGHTS = {  # Dutch, French, Spanish, Italian, Portuguese; only where no other column is z
+    *("hoogte", "hauteur", "altura", "altitud", "cota", "elevacion", "elevacao", "quota"),
 }
 _AXIS = {word: axis for axis, words in _WORDS.items() for word in words.split(",")}
 _LETTERS = {"e": "x", "n": "y", "h": "z"}  # where easting and northing are there as such letters
@@ -53,6 +53,8 @@ def axes_of(names: Sequence[str]) -> dict[str, str]:
         within = _AXIS.get(_letters(name)[len(word) :])  # "Y (Easting)"
         if within or axis:
             found[name] = within or axis or ""
+    if {"x", "y"} <= {*found.values()} and "z" not in found.values():
+        found |= {name: "z" for name in names if plain(name) in _HEIGHTS}
     return found
 
 

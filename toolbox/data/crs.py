@@ -7,6 +7,7 @@ unit of the horizontal component, as the LAS and GeoTIFF files in daily use mean
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from functools import cache, lru_cache
@@ -315,6 +316,8 @@ def own_unit(size: float, unit: Unit | None, power: int = 1, digits: int = 3) ->
     unit : of the data; None of data in metres, which have nothing in brackets
     digits : that tell something; whole numbers have none after the point
 
+    A size that is not known (NaN) has nothing in brackets, either.
+
     Examples
     --------
     >>> own_unit(0.68, ("ft", 0.3048)), own_unit(100.0, ("ft", 0.3048), 2)
@@ -324,7 +327,7 @@ def own_unit(size: float, unit: Unit | None, power: int = 1, digits: int = 3) ->
     >>> own_unit(100.0, None, 2)
     ''
     """
-    if unit is None:
+    if unit is None or not math.isfinite(size):
         return ""
     name, metres = unit
     own = size / metres**power

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from toolbox.data import Figure, Raster, Report, Rows, Section, Table
+from toolbox.data.crs import Unit
 from toolbox.data.layer import Layer
 from toolbox.data.report import Block, Head, Plot, unit_text
 from toolbox.declare.fields import Field, Spec
@@ -75,8 +76,9 @@ def page(
         plots.insert(1, Section("3-D view", [view]))
     own = [section for report in reports for section in report.sections]
     listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}
+    unit = unit_of_data(layers_of(told.given, found))
     sections = [
-        *_results(spec, found),
+        *_results(spec, found, unit),
         *_counted(spec, layers, told),
         *(in_order(plots) or _pictures(found, spec)),
         *own,
@@ -91,7 +93,6 @@ def page(
         *_settings(spec, record),
         *_made(spec, record),
     ]
-    unit = unit_of_data(layers_of(told.given, found))
     summary, head = said(spec, found, record, told)
     return Report(spec.title, in_unit(sections, unit), summary=summary, head=head, name=spec.id)
 
@@ -158,14 +159,15 @@ def _once(texts: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(words.without_folders, texts)))
 
 
-def _results(spec: Spec, found: Mapping[str, Any]) -> list[Section]:
-    """Section with a row for each number or text among the results."""
+def _results(spec: Spec, found: Mapping[str, Any], unit: Unit | None) -> list[Section]:
+    """Section with a row for each number or text among the results, exact if told in a unit."""
     rows = []
     for name, value in found.items():
         field = spec.results[name]
         if value is not None and not field.kind.is_layer:
-            shown, unit = words.result_value(value, field.unit, field.help)
-            rows.append({"Result": field.help, "Value": shown, "Unit": unit})
+            exact = unit is not None
+            shown, word = words.result_value(value, field.unit, field.help, exact=exact)
+            rows.append({"Result": field.help, "Value": shown, "Unit": word})
     if all(row["Unit"] in ("", "1") for row in rows):  # as counts have none
         rows = [{"Result": row["Result"], "Value": row["Value"]} for row in rows]
     return [Section("Results", [Rows(Table.from_rows(rows), short=len(rows))])] if rows else []

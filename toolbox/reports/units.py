@@ -40,8 +40,8 @@ def converted(value: Any, unit: str, own: Unit | None) -> tuple[Any, str]:
     >>> converted(0.5, "1", ("ft", 0.3048)), converted(2.0, "m", None)
     ((0.5, '1'), (2.0, 'm'))
     """
-    power = _POWERS.get(unit)
-    if own is None or power is None or not isinstance(value, float | np.floating):
+    power, number = _POWERS.get(unit), isinstance(value, int | float | np.number)
+    if own is None or power is None or not number or isinstance(value, bool):
         return value, unit
     return float(value) / own[1] ** power, _RAISED[power].format(own[0])
 
@@ -67,7 +67,8 @@ def _block(block: Block, own: Unit) -> Block:
     if (units := unit_column(frame)) is not None:
         return replace(block, table=Table(_measures(frame, units, own)))
     columns = dict(block.columns) | dict(_columns(frame, block.columns, own))
-    twice = [str(name) for name in frame if f"{name}{_IN_METRES}" in frame]
+    declared = {str(name) for name in block.columns}  # people's own names may mean anything
+    twice = [str(n) for n in frame if f"{n}{_IN_METRES}" in declared.intersection(frame)]
     columns |= {name: replace(columns[name + _IN_METRES], factor=1.0) for name in twice}
     without = [name + _IN_METRES for name in twice] + [UNIT for name in twice if UNIT in frame][:1]
     return replace(block, table=Table(frame.drop(columns=without)), columns=columns)
@@ -107,8 +108,13 @@ def _measures(frame: pd.DataFrame, units: Any, own: Unit) -> pd.DataFrame:
     }
     measured = next(pairs for label, pairs in both.items() if str(label).lower() == VALUE)
     made = {
-        label: pd.Series([value for value, _ in pairs], frame.index, frame[label].dtype)
+        label: pd.Series([value for value, _ in pairs], frame.index, _type_of(frame[label]))
         for label, pairs in both.items()
     }
     made[units] = pd.Series([unit for _, unit in measured], frame.index)
     return pd.DataFrame(made)
+
+
+def _type_of(values: pd.Series[Any]) -> Any:
+    """The type of a column of numbers in another unit: whole ones need not be whole there."""
+    return None if values.dtype.kind in "iu" else values.dtype

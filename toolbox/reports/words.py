@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -32,19 +33,29 @@ def value_text(value: Any, unit: str | None) -> str:
     return f"{value:.4g}" if abs(value) < 1000 else f"{value:.1f}"
 
 
-def result_value(value: Any, unit: str | None, help: str) -> tuple[Any, str]:
+def result_value(
+    value: Any, unit: str | None, help: str, *, exact: bool = False
+) -> tuple[Any, str]:
     """A result as a table holds it, and its unit there: numbers as numbers, shares in percent.
+
+    Parameters
+    ----------
+    exact : keep the decimals of areas, as of those that will be told in another unit
 
     Examples
     --------
     >>> result_value(0.5, "1", "Share of points that are ground")
     (50.0, '%')
+    >>> result_value(1234.5, "m2", "Area"), result_value(1234.5, "m2", "Area", exact=True)
+    ((1234, 'm2'), (1234.5, 'm2'))
     """
     if _in_percent(value, unit, help):
         return value * 100, "%"
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    whole = unit in ("m2", "m3") and isinstance(value, float) and abs(value) >= _WHOLE
-    return (round(value) if whole else value) if number else value_text(value, unit), unit or ""
+    whole = unit in ("m2", "m3") and isinstance(value, float) and _WHOLE <= abs(value) < math.inf
+    return (round(value) if whole and not exact else value) if number else value_text(
+        value, unit
+    ), unit or ""
 
 
 def _in_percent(value: Any, unit: str | None, help: str) -> bool:

@@ -27,7 +27,8 @@ def steps(z, first, last, reach, slope, out):
             for right in range(-reach, reach + 1):
                 square = (i - r) ** 2 + right**2
                 if 0 < square <= reach * reach:
-                    start, stop = max(0, -right), min(cols, cols - right)
+                    start = max(0, -right)
+                    stop = max(start, min(cols, cols - right))  # none beyond a narrow grid
                     there, least = z[i, start + right : stop + right], slope * math.sqrt(square)
                     _deepen(z[r, start:stop], there, least, deepest[start:stop])
         out[r] = deepest
@@ -159,7 +160,8 @@ def levelled(first, last, votes, z, reach, step, slope, out):
             for right in range(-reach, reach + 1):
                 away = math.sqrt((i - r) ** 2 + right**2)
                 if away <= reach:
-                    start, stop = max(0, -right), min(cols, cols - right)
+                    start = max(0, -right)
+                    stop = max(start, min(cols, cols - right))
                     there = slice(start + right, stop + right)
                     _add_alike(
                         *(z[r, start:stop], z[i, there], step + slope * away, votes[i, there]),

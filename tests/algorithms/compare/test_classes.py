@@ -238,6 +238,12 @@ def test_labels_of_the_isprs_test() -> None:
     assert out.overall_accuracy == 90, "0 and 1 beside 2 and 1 are no errors"
     assert out.kappa_of_classes == pytest.approx(out.kappa)
     assert [row["reference"] for row in out.confusion.rows()][:2] == ["of interest", "all others"]
+    shared = CompareClasses(
+        points=points,
+        reference_attribute=Attribute("truth"),
+        reference_positive=ClassList([0, 2]),
+    ).run()
+    assert "class 2" in [row["reference"] for row in shared.confusion.rows()], "codes of both"
     named = CompareClasses(
         points=points,
         reference_attribute=Attribute("truth"),
@@ -257,6 +263,11 @@ def test_a_class_of_interest_that_nothing_has_is_told(caplog: pytest.LogCaptureF
     assert (out.total_error, out.type_1, out.kappa) == (None, None, None)
     assert "positive: no point is of class 99, and none of the reference of class 99" in caplog.text
     assert out.overall_accuracy == 100
+    rows = [
+        row["total_error"]
+        for row in CompareClasses(**job, stratum=Attribute("truth")).run().strata.rows()
+    ]
+    assert rows == [0, 0], "objects alone, all of them right"
     caplog.clear()
     CompareClasses(**job).run()
     assert "positive" not in caplog.text

@@ -193,6 +193,11 @@ def test_points_without_a_surface_are_missing(caplog: pytest.LogCaptureFixture) 
     assert (out.count, out.missing, out.absent) == (1, 3, 3)
     assert "3 of 4 checkpoints have no height of the surface below them: A at " in caplog.text
     assert f"; D at {WEST + 90:.10g},{NORTH - 5:.10g}" in caplog.text
+    odd = layer.frame.assign(id=["a\n\x1b[31m" + "b" * 99, None, "C", "D"])
+    caplog.clear()
+    CompareSurfaces(surface=raster(values), checkpoints=Vector(odd)).run()
+    assert f"below them: a [31m{'b' * 34} at " in caplog.text
+    assert "None at" not in caplog.text
     apart = r"in both: surface x \d+ to \d+, y \d+ to \d+; checkpoints x \d+ to \d+, y"
     with pytest.raises(DataError, match=apart):
         CompareSurfaces(
@@ -470,6 +475,8 @@ def test_tables_are_metres_and_layers_feet() -> None:
     ).run()
     for name in ("bias", "rmse", "nmad", "le95"):
         assert getattr(feet, name) == pytest.approx(getattr(metric, name), abs=1e-7)
+    bare = CompareSurfaces(surface=surface, checkpoints=layer).run()
+    assert "the fit alone" in bare.in_words(), "of checkpoints without RMSE"
     for name in ("table", "covers", "report", "histogram"):
         here, there = (getattr(out, name).frame for out in (feet, metric))
         for column in there.columns:

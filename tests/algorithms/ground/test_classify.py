@@ -414,6 +414,17 @@ def test_steps_are_the_deepest_beyond_a_slope() -> None:
     np.testing.assert_allclose(got, expected, atol=1e-5)
 
 
+@pytest.mark.parametrize("cols", [0, 1, 2, 3, 5])
+def test_grids_narrower_than_what_is_looked_at(cols: int) -> None:
+    """Rows of cells were read beyond their ends."""
+    z = rough()[:, :cols]
+    got = np.full(z.shape, np.nan)
+    kernels.steps(z, 0, len(z), 4, 0.8, got)
+    drops = [z - shifted(z, i, j) - 0.8 * away for i, j, away in around(4) if away]
+    expected = np.max(np.where(np.isnan(drops), -np.inf, drops), axis=0)
+    np.testing.assert_allclose(got, expected, atol=1e-5)
+
+
 def test_what_is_thin_makes_steps_for_itself_alone() -> None:
     """Of a house of 3 cells the step is one for all; of a shrub of 2 only for the shrub."""
     z = np.zeros((32, 32), np.float32)

@@ -419,7 +419,6 @@ def test_waters_that_are_hard_to_tell_are_found(kind: str, seed: int) -> None:
     assert min(found) > 0.9
 
 
-@pytest.mark.slow
 def test_holes_of_a_cell_or_a_row_are_measured_without_a_warning() -> None:
     """By rounding the variance across a slanted row of cells is below 0."""
     south = np.arange(7)
@@ -441,6 +440,7 @@ def test_fields_that_return_nothing_are_level_and_no_higher_than_their_banks(see
         assert abs(field.level - known.level) < max(0.1, field.level_interval)
 
 
+@pytest.mark.slow
 def test_fields_on_terraces_are_found_and_ground_beside_them_is_none() -> None:
     """Nothing comes back from them, and the bund above each is higher than the one below.
 

@@ -9,7 +9,7 @@ import pytest
 from pyproj import CRS
 
 from toolbox.data import PointCloud
-from toolbox.data.area_of_use import misplaced
+from toolbox.data.area_of_use import centre_in_degrees, misplaced
 from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.data.operation import operation
 
@@ -97,3 +97,8 @@ def test_what_reaches_beyond_a_projection_is_told(
     operation(CRS(4326), CRS(target), bounds)
     assert ("outside the area of use" in caplog.text) == (share is not None)
     assert (share or "") in caplog.text
+
+
+def test_other_celestial_bodies_have_no_place_on_the_earth() -> None:
+    """points.info is run first, and failed on them."""
+    assert centre_in_degrees(CRS("IAU_2015:49910"), (0, 0, 10, 10)) is None

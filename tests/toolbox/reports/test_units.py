@@ -61,6 +61,17 @@ def test_a_height_in_feet_is_shown_once() -> None:
     assert shown(frame, **columns) == (["Level ft", "Wide"], [["10.000", "yes"]])
 
 
+def test_own_columns_of_people_stay_whatever_their_names_end_in() -> None:
+    frame = pd.DataFrame({"dist": [7.0], "dist_m": [99.0]})
+    assert len(shown(frame)[0]) == 2
+    assert len(shown(pd.DataFrame({"elev": [500.5], "elev_m": [152]}))[0]) == 2
+
+
+def test_whole_measures_of_a_row_are_in_its_unit() -> None:
+    frame = pd.DataFrame({"value": [3, 9], "low": [1.0, 2.0], "unit": ["m", "1"]})
+    assert shown(frame)[1] == [["9.843", "3.281", "ft"], ["9.0", "2.0", ""]]
+
+
 def test_heights_in_another_unit_than_lengths_leave_tables_in_metres() -> None:
     xyz = np.zeros((1, 3))
     for mixed in ("EPSG:32610+6360", "EPSG:2263+5703"):  # heights in feet, heights in metres
@@ -72,6 +83,10 @@ def test_heights_in_another_unit_than_lengths_leave_tables_in_metres() -> None:
 def test_a_page_of_data_in_feet_has_its_results_in_feet() -> None:
     points = PointCloud(np.zeros((1, 3)), crs=CRS(2222))
     spec = catalog.load("points.survey_quality")
+    area, water = catalog.load("shoreline.alpha_shape"), {"area": 100 * 123 * 0.3048**2}
+    report = page(area, water, None, Told(given={"points": points}))
+    (rows,) = next(part.blocks for part in report.sections if part.title == "Results")
+    assert rows.cells[0][1:] == ["12300.00", "ft²"], "not of whole square metres"
     report = page(spec, {"spacing": 0.6096}, None, Told(given={"points": points}))
     (rows,) = next(part.blocks for part in report.sections if part.title == "Results")
     assert isinstance(rows, Rows)

@@ -308,7 +308,7 @@ def test_the_same_in_tiles(points: Path, tmp_path: Path) -> None:
         "Date of the survey not known",
         "pulses per square metre",
         "Voids are counted whether they are water or not.",
-        " % of the points were taken for ground.",
+        " % of the points are ground (class 2).",
     ):
         assert said in tiled
         assert said in whole

@@ -130,8 +130,11 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
                 cell.value = round(cell.value, digits + _SPARE)
                 cell.number_format = f"0.{'0' * digits}" if digits else "0"
     sheet.row_dimensions[1].height = _LINE * max(
-        len(textwrap.wrap(cell.value, int(sheet.column_dimensions[cell.column_letter].width)))
-        for cell in sheet[1]
+        (
+            len(textwrap.wrap(cell.value, int(sheet.column_dimensions[cell.column_letter].width)))
+            for cell in (sheet[1] if headings else ())
+        ),
+        default=1,
     )
     sheet.print_title_rows = "1:1"
     sheet.freeze_panes = "B2"

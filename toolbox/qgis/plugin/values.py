@@ -332,13 +332,15 @@ class Reader:
 
 
 def _count_layers(path: str) -> int:
-    """The number of layers of a GeoPackage; 0 for what is none, or not there."""
+    """The number of layers of a GeoPackage; 0 for what is none or not there, 2 for one in use."""
     if not (path.lower().endswith(".gpkg") and os.path.isfile(path)):
         return 0
     try:
         with closing(
-            sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", uri=True)
+            sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", uri=True, timeout=0)
         ) as file:
             return int(file.execute("SELECT count(*) FROM gpkg_contents").fetchone()[0])
-    except sqlite3.Error:
+    except sqlite3.OperationalError:  # another program holds it, and it may have any number
+        return 2
+    except sqlite3.DatabaseError:
         return 0

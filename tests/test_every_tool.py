@@ -863,7 +863,11 @@ def any_layers(first: Any, second: Any) -> Spec:
 
 @pytest.mark.parametrize(("first", "second"), list(itertools.product(READ, repeat=2)))
 def test_a_tool_with_any_layers_is_covered(
-    first: str, second: str, block: PointCloud, strip: PointCloud
+    first: str,
+    second: str,
+    block: PointCloud,
+    strip: PointCloud,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     """The moment it is declared: each law finds layers for it, and passes."""
     spec = any_layers(READ[first], READ[second])
@@ -876,7 +880,7 @@ def test_a_tool_with_any_layers_is_covered(
     test_reach_and_rules_need_no_layers(spec)
     if cloud_name(spec):
         test_order_of_points_does_not_matter(spec, block)
-        test_feet_give_the_answer_of_metres(spec, block)
+        test_feet_give_the_answer_of_metres(spec, block, caplog)
         test_attributes_survive(spec, block)
         test_tiles_with_halo_equal_the_whole(spec, {}, strip)
         for count in range(4):

@@ -15,7 +15,7 @@ from toolbox.data import Raster, Table, Vector, drivers
 from toolbox.data.crs import describe_crs
 from toolbox.data.paths import Paths, PointFiles, missing
 from toolbox.data.remote.address import as_path
-from toolbox.data.text import standard_names
+from toolbox.data.text import is_number, standard_names
 from toolbox.errors import DataError, ParameterError, memory_named
 from toolbox.execute import run
 
@@ -90,17 +90,9 @@ def _holds_points(path: Path) -> bool:
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         first = file.readline().strip()
     cells = [cell.strip("\"'") for cell in re.split(r"[\s,;]+", first)]
-    numbers = sum(_is_number(cell) for cell in cells)
+    numbers = sum(is_number(cell) for cell in cells)
     comment = first.startswith(("#", "//"))
     return comment or not first or numbers >= 3 or {"x", "y", "z"} <= {*standard_names(cells)}
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _table(rows: Iterable[Row]) -> Table:

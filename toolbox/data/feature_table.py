@@ -125,8 +125,10 @@ def _coordinates(names: list[str], path: Path) -> list[str]:
         raise DataError(f"{path}: {unclear}; rename them to x (the easting), y and z")
     found = chosen(names)
     if not {*_AXES[:2]} <= found.keys():
+        from toolbox.data.text import is_number  # and pandas, which only tables need
+
         listed = ", ".join(names) or "none"
-        if any(_is_number(name) for name in names):
+        if any(is_number(name) for name in names):
             raise DataError(
                 f"{path}: its first line must name the columns, such as name,x,y,z; it is {listed}"
             )
@@ -159,11 +161,3 @@ def _no_number(frame: pd.DataFrame) -> str:
             hint = comma if re.fullmatch(_COMMA, cell) else ""
             return f"row {number + 1}, column {name}: {cell!r} is no number{hint}"
     return "coordinates must be numbers"
-
-
-def _is_number(name: str) -> bool:
-    try:
-        float(name)
-    except ValueError:
-        return False
-    return True

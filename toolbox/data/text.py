@@ -244,10 +244,10 @@ def _begin(
         between, decimal = found
         names = _cells(header, between) if header else []
         cells = enumerate(_cells(text, between))
-        texts = frozenset(place for place, cell in cells if not _is_number(cell, decimal))
+        texts = frozenset(place for place, cell in cells if not is_number(cell, decimal))
         unclear = ambiguity(names)
         return _Table(standard_names(names), between, number, unclear=unclear, texts=texts)
-    if len(content) == 1 and not any(_is_number(cell) for cell in _split(content[0][1])):
+    if len(content) == 1 and not any(is_number(cell) for cell in _split(content[0][1])):
         names = _split(content[0][1], separator)  # a line of names without points
         return _Table(standard_names(names), separator, empty=True)
     if not content:
@@ -256,7 +256,7 @@ def _begin(
     hint = ""
     if any(_FLOAT.fullmatch(cell) for cell in re.split(r"[;\s]+", text)):
         hint = "; decimals must all have a point, or all a comma"
-    elif sum(map(_is_number, text.split())) >= 3:  # names of points, and no header
+    elif sum(map(is_number, text.split())) >= 3:  # names of points, and no header
         hint = "; columns of texts need a first line with the names of all, such as id x y z"
     raise DataError(f"{path}, line {number + 1}: {text[:60]!r} is not a line of numbers{hint}")
 
@@ -273,7 +273,7 @@ def _marks(text: str, separator: str | None) -> tuple[str | None, str] | None:
     """What makes three numbers or more of a line: marks between columns and before decimals."""
     for between, decimal in _candidates(separator):
         cells = _cells(text, between)
-        if len(cells) >= 3 and all(_is_number(cell, decimal) for cell in cells):
+        if len(cells) >= 3 and all(is_number(cell, decimal) for cell in cells):
             return between, decimal
     return None
 
@@ -287,7 +287,7 @@ def _beside_texts(header: str, text: str, separator: str | None) -> tuple[str | 
         names, cells = _cells(header, between), _cells(text, between)
         taken = set(chosen(names).values())
         pairs = zip(names, cells, strict=False)
-        numbers = {name for name, cell in pairs if _is_number(cell, decimal)}
+        numbers = {name for name, cell in pairs if is_number(cell, decimal)}
         if len(names) == len(cells) and len(taken) == len(AXES) and taken <= numbers:
             return between, decimal
     return None
@@ -302,7 +302,8 @@ def _split(text: str, separator: str | None = None) -> list[str]:
     return _cells(text, separator) if separator else re.split(r"\s*[,;\t]\s*|\s+", text.strip())
 
 
-def _is_number(cell: str, decimal: str = ".") -> bool:
+def is_number(cell: str, decimal: str = ".") -> bool:
+    """Whether a cell of a text file is a number, with this mark before its decimals."""
     if decimal == ",":
         if "." in cell:
             return False
@@ -421,11 +422,11 @@ def _explain(path: Path, table: _Table) -> None:
 
 
 def _check_cell(where: str, name: str, cell: str, decimal: str) -> None:
-    if not _is_number(cell, decimal):
+    if not is_number(cell, decimal):
         hint = ""
         if decimal == "." and _FLOAT.fullmatch(cell):
             hint = "; decimals must have a point, as further above"
-        elif decimal == "," and _is_number(cell):
+        elif decimal == "," and is_number(cell):
             hint = "; decimals must have a comma, as further above"
         raise DataError(f"{where}: {name} is {cell!r}, which is not a number{hint}")
     if name in ("x", "y", "z") and not np.isfinite(float(cell.replace(",", "."))):
@@ -468,7 +469,7 @@ def write_text(
     if wanted is not None:
         columns = _chosen(path, columns, wanted)
     for name in columns:
-        if not re.fullmatch(r"(?![=+@-])[^\t\n\r,;#\"'/]+", name) or _is_number(name):
+        if not re.fullmatch(r"(?![=+@-])[^\t\n\r,;#\"'/]+", name) or is_number(name):
             raise DataError(f"{path}: {name!r} cannot be the name of a column; rename it")
         if separator in name:
             raise DataError(f"{path}: {name!r} has a blank, which separates columns; write .csv")

@@ -14,12 +14,12 @@ from toolbox.data.crs import (
     height_system,
     is_local,
     own_unit,
-    unit_of_lengths,
 )
 from toolbox.data.layer import Layer
 from toolbox.data.report import unit_text
 from toolbox.declare.fields import Spec
 from toolbox.reports import words
+from toolbox.reports.units import unit_of_data
 
 if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
@@ -93,8 +93,7 @@ def chosen_settings(spec: Spec, record: Record | None, layers: Sequence[Layer] =
     """
     if record is None:
         return ""
-    crs: CRS | None = next((x.crs for x in layers if x.is_spatial and x.crs is not None), None)
-    data_unit, parts = unit_of_lengths(crs), []
+    data_unit, parts = unit_of_data(layers), []
     for name, value in record.parameters.items():
         field = spec.inputs[name]
         if record.parameters.get(_INSTEAD.get(name, "")) is not None:

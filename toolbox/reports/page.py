@@ -165,8 +165,7 @@ def _results(spec: Spec, found: Mapping[str, Any], unit: Unit | None) -> list[Se
     for name, value in found.items():
         field = spec.results[name]
         if value is not None and not field.kind.is_layer:
-            exact = unit is not None
-            shown, word = words.result_value(value, field.unit, field.help, exact=exact)
+            shown, word = words.result_value(value, field.unit, field.help, exact=bool(unit))
             rows.append({"Result": field.help, "Value": shown, "Unit": word})
     if all(row["Unit"] in ("", "1") for row in rows):  # as counts have none
         rows = [{"Result": row["Result"], "Value": row["Value"]} for row in rows]

@@ -67,8 +67,8 @@ def _block(block: Block, own: Unit) -> Block:
     if (units := unit_column(frame)) is not None:
         return replace(block, table=Table(_measures(frame, units, own)))
     columns = dict(block.columns) | dict(_columns(frame, block.columns, own))
-    declared = {str(name) for name in block.columns}  # people's own names may mean anything
-    twice = [str(n) for n in frame if f"{n}{_IN_METRES}" in declared.intersection(frame)]
+    declared = block.columns.keys() & set(frame)  # people's own names may mean anything
+    twice = [str(name) for name in frame if f"{name}{_IN_METRES}" in declared]
     columns |= {name: replace(columns[name + _IN_METRES], factor=1.0) for name in twice}
     without = [name + _IN_METRES for name in twice] + [UNIT for name in twice if UNIT in frame][:1]
     return replace(block, table=Table(frame.drop(columns=without)), columns=columns)

@@ -51,11 +51,10 @@ def result_value(
     """
     if _in_percent(value, unit, help):
         return value * 100, "%"
-    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return value_text(value, unit), unit or ""
     whole = unit in ("m2", "m3") and isinstance(value, float) and _WHOLE <= abs(value) < math.inf
-    return (round(value) if whole and not exact else value) if number else value_text(
-        value, unit
-    ), unit or ""
+    return round(value) if whole and not exact else value, unit or ""
 
 
 def _in_percent(value: Any, unit: str | None, help: str) -> bool:

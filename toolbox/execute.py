@@ -285,7 +285,7 @@ def _checked(
         found[PICTURE] = "is not drawn of tiles; draw the products with the tool that reads them"
     single = {n: t for n, t in writes.items() if not ((tiling and t.folder) or t.delivered)}
     taken = sources.folders(reads)
-    found |= delivery.problems(writes, sources.paths(reads), taken, overwrite=overwrite)
+    found |= delivery.problems(spec, writes, sources.paths(reads), taken, overwrite=overwrite)
     found |= targets.problems(single, sources.paths(reads), overwrite=overwrite)
     if found:
         raise ParameterError(spec.id, dict(sorted(found.items())))

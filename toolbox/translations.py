@@ -44,7 +44,15 @@ NO_TEXT = re.compile(  # tags, SQL, code, names, paths, styles
 )
 ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")[^"]+(?="\))')
 PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
-HEADS = ["Coordinates", "Made with", "Map", "Files", "Drawings", "Left out"]  # of one word
+HEADS = [
+    "Coordinates",
+    "Made with",
+    "Map",
+    "Files",
+    "Drawings",
+    "Left out",
+    "Checksums",
+]  # of one word
 HEADS += ["Shows", "Source", "Crossed", "Broken", "Scale", "door?"]  # in title blocks
 HEADS += ["Wall", "Window", "Door", "elevation of fronts"]
 HEADS += ["Easting", "Northing", "East", "North", "Up", "Class", "Intensity"]  # at maps and views

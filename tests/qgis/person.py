@@ -501,6 +501,27 @@ def play_set_that_is_handed_over() -> Play:
     picture("set canvas")
 
 
+def play_set_with_an_edited_file() -> Play:
+    """What somebody has changed in the folder of a set stays, and the log says why and what to do.
+
+    The layers of that set are open, which is no change.
+    """
+    folder = FOLDER / "set of the terrain"
+    yield from opened("Terrain and surface models", "dtm")
+    dialog = named("AlgorithmDialog")
+    given = {"POINTS": SAYS["cloud"], "CELL": 2.0, "DELIVER": str(folder)}
+    with (folder / "contours.dxf").open("a") as drawing:
+        drawing.write("999\nmine\n")
+    dialog.setParameters(given)
+    yield from run(dialog)
+    look(dialog, 1)
+    picture("set with an edited file", dialog)
+    assert "contours.dxf in" in log(dialog), log(dialog)
+    assert "move it elsewhere, or name a new or an empty folder" in log(dialog), log(dialog)
+    assert (folder / "contours.dxf").read_text().endswith("999\nmine\n")
+    yield from over(dialog)
+
+
 def play_names_in_layers() -> Play:
     """Attributes and bands are picked among those of the layer that is given."""
     yield from opened("Filter points", "filter")

@@ -156,7 +156,7 @@ def test_the_readme_of_a_set_is_translated() -> None:
     entry = Entry("spans.csv", "", "The report to print", 8, "", columns, without=3)
     spec = catalog.load("models.terrain")
     with language.speaking("tr"):
-        text = readme(spec, {}, None, Told(), [entry], {})
+        text = readme(spec, {}, None, Told(), [entry], {}, {})
     said = (
         "Yazdırmak için rapor [8]; okunan noktalardan 3 tanesi içinde yoktur",
         "ground  Uzaklık: zemin [m]",

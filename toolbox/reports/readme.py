@@ -71,6 +71,7 @@ def readme(
     told: Told,
     entries: Sequence[Entry],
     head: Mapping[str, Any],
+    sums: Mapping[str, str],
 ) -> str:
     """The text of the README.
 
@@ -82,6 +83,7 @@ def readme(
     told : what else the run has told
     entries : the files
     head : title, client, fields and date, as reports have them
+    sums : SHA-256 of each file by its name
     """
     title = str(head.get("title") or spec.title)
     own = {"Client": head.get("client"), **head.get("fields", {}), "Date": head.get("date")}
@@ -105,6 +107,7 @@ def readme(
     lines += _drawings(there)
     lines += _columns(there)
     lines += [*_underlined("How it was made"), *_how(spec)]
+    lines += [*_underlined("Checksums"), *_checksums(sums)]
     return "\n".join(lines) + "\n"
 
 
@@ -228,3 +231,12 @@ def _how(spec: Spec) -> list[str]:
         "features, rows, or cells with a value."
     )
     return _wrapped(text)
+
+
+def _checksums(sums: Mapping[str, str]) -> list[str]:
+    """The checksums in the form that the usual program compares, whatever stands around them."""
+    text = (
+        "SHA-256 of each file, which `sha256sum -c README.txt` compares, and of this text. By them "
+        "a later run into this folder knows which files it may replace; it stops at others."
+    )
+    return [*_wrapped(text), "", *(f"{found}  {name}" for name, found in sums.items())]

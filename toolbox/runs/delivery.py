@@ -26,6 +26,7 @@ from toolbox.errors import DataError, ParameterError
 from toolbox.reports.page import Told
 from toolbox.reports.readme import Entry, readme
 from toolbox.reports.words import columns_in
+from toolbox.runs import sealed
 from toolbox.runs import target as targets
 from toolbox.runs.provenance import Record
 from toolbox.runs.target import More, Target
@@ -86,12 +87,18 @@ def _said(spec: Spec, head: Mapping[str, Any]) -> dict[str, str]:
 
 
 def problems(
-    writes: Mapping[str, Target], reads: Iterable[Path], taken: Collection[Path], *, overwrite: bool
+    spec: Spec,
+    writes: Mapping[str, Target],
+    reads: Iterable[Path],
+    taken: Collection[Path],
+    *,
+    overwrite: bool,
 ) -> dict[str, str]:
     """The problem of the folder of the set, by "deliver"; none if all is well.
 
     Parameters
     ----------
+    spec : of the tool
     reads : files that the run reads
     taken : folders of which it reads all files
     """
@@ -105,6 +112,8 @@ def problems(
     text = text or _folder_problem(_folder(made))
     if text or not _folder(made).exists():
         return {DELIVER: text} if text else {}
+    if text := sealed.problem(_folder(made), spec.id, _own(_owned(made))):
+        return {DELIVER: text}
     there = [t.resolved.name for t in made.values() if t.resolved and t.resolved.exists()]
     if there and not overwrite:
         more = f" and {len(set(there)) - 1} more" if len(set(there)) > 1 else ""
@@ -145,6 +154,15 @@ def _folder(made: Mapping[str, Target]) -> Path:
     first = next(iter(made.values()))
     assert first.resolved is not None
     return first.resolved.parent
+
+
+def _owned(made: Mapping[str, Target]) -> dict[Path, files.OwnFiles]:
+    """The paths of the set, with what belongs to each."""
+    return {target.resolved: target.own_files for target in made.values() if target.resolved}
+
+
+def _own(owned: Mapping[Path, files.OwnFiles]) -> list[Path]:
+    return [own for path, own_files in owned.items() for own in own_files(path)]
 
 
 @contextmanager
@@ -195,21 +213,30 @@ def write(
     made = {t.output for t in kept.values()} | {
         one.output for one in spec.deliver if one.file in of_tiles
     }
-    # Those that were left out may stand there from an earlier run, which is replaced as a whole.
+    of_set, folder = _of_set(writes), readme_path.parent
+    owned = {**_owned(of_set), **{p: o for p, o in more.own_files.items() if p.parent == folder}}
+    if text := sealed.problem(folder, spec.id, _own(owned)):  # it may have become so
+        raise DataError(spec.id, {DELIVER: text})
+    # What an earlier run has left there goes: its set is replaced as a whole.
     old = {t.resolved: t.own_files for n, t in others.items() if n in left_out and t.resolved}
+    old |= dict.fromkeys(sealed.files_of(folder), files.itself)
     more_files = {**old, **more.own_files, readme_path: notes.own_files}
 
-    def write_more(staged: Mapping[Path, Path]) -> None:
-        more.write(staged)
+    def write_readme(staged: Mapping[Path, Path]) -> None:
         read = _points_read(told)
         entries = [_entry(one, spec, found, left_out, made, read) for one in spec.deliver]
         head = {"date": today(), **notes.how}
-        text = readme(spec, found, record, told or Told(), entries, head)
+        new = _own({staged[path]: of for path, of in owned.items() if path in staged})
+        sums = sealed.sums(path for path in new if path.exists())
+        text = sealed.sealed(
+            readme(spec, found, record, told or Told(), entries, head, sums), spec.id
+        )
         staged[readme_path].write_text(text, encoding="utf-8", newline="\n")
 
-    done = targets.write(spec, found, kept, more=More(more_files, write_more), **how)
+    more = More(more_files, more.write, write_readme)
+    done = targets.write(spec, found, kept, more=more, **how)
     assert notes.path is not None
-    made_of_set = {name: target for name, target in _of_set(writes).items() if name in done}
+    made_of_set = {name: target for name, target in of_set.items() if name in done}
     paths = {
         t.output: t.path for t in reversed(list(made_of_set.values())) if t.output in spec.outputs
     }

@@ -269,10 +269,12 @@ class More:
     ----------
     own_files : what belongs to each, by its path
     write : writes them, given the path to write to for each
+    finish : the same, after all outputs
     """
 
     own_files: Mapping[Path, files.OwnFiles] = field(default_factory=dict)
     write: Callable[[Mapping[Path, Path]], None] = lambda staged: None
+    finish: Callable[[Mapping[Path, Path]], None] = lambda staged: None
 
 
 NO_MORE = More()
@@ -336,6 +338,7 @@ def write(
             for index, (resolved, group) in enumerate(groups.items()):
                 part = ctx.part(index / len(groups), (index + 1) / len(groups))
                 _save_all(spec, group, record, staged[resolved], part)
+            more.finish(staged)
             ctx.progress(1.0)
     except OSError as err:
         raise _unwritten(spec.id, groups, err) from err

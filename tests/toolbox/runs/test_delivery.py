@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import os
 import zipfile
 from pathlib import Path
@@ -20,7 +21,7 @@ from toolbox.context import Context
 from toolbox.data import PointCloud, Raster, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError, ParameterError
-from toolbox.models.model import Model, run_tool
+from toolbox.models.model import Model, ModelRun, run_tool
 
 MODEL = """
 id: toy.hills
@@ -187,16 +188,110 @@ def test_all_or_nothing(
     assert not (tmp_path / "out").exists()
 
 
-def test_files_there_are_not_replaced(model: str, points: Path, tmp_path: Path) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "top.tif").write_text("mine")
-    values = {"points": points, "deliver": tmp_path / "out"}
-    with pytest.raises(ParameterError, match=r"deliver: top.tif exist.* --overwrite"):
+def tree(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_set_goes_only_into_an_empty_folder_or_where_its_last_one_was(
+    overwrite: bool, model: str, points: Path, tmp_path: Path
+) -> None:
+    """Files of other people were replaced where they had the name of one of the set."""
+    out = tmp_path / "out"
+    values = {"points": points, "deliver": out}
+    out.mkdir()
+    (out / ".DS_Store").write_text("of the system")
+    (out / "top.tif").write_text("mine")
+    (out / "README.txt").write_text("mine\n")
+    before = tree(out)
+    says = "deliver: .*out holds other files, such as README.txt, and no set of this toolbox: name"
+    with pytest.raises(ParameterError, match=says):
+        toolbox.run(model, values, overwrite=overwrite)
+    assert tree(out) == before
+    for name in ("top.tif", "README.txt"):
+        (out / name).unlink()
+    toolbox.run(model, values, overwrite=overwrite)
+
+
+def test_a_set_replaces_the_files_of_its_last_one_alone(
+    model: str, points: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    values: dict[str, Any] = {"points": points, "deliver": out}
+    toolbox.run(model, values)
+    sums = {f"{hashlib.sha256(content).hexdigest()}  {name}" for name, content in tree(out).items()}
+    missing = sums - {*(out / "README.txt").read_text().splitlines()}
+    assert [line.partition("  ")[2] for line in missing] == ["README.txt"]
+    with pytest.raises(ParameterError, match=r"deliver: .* exist in .*; allow it with --overwrite"):
         toolbox.run(model, values)
-    assert (tmp_path / "out" / "top.tif").read_text() == "mine"
-    (tmp_path / "out" / "notes.txt").write_text("stay")
+    (out / "notes.txt").write_text("stay")
+    (out / "top.tif.aux.xml").write_text("what a GIS has made to show it")
+    before = tree(out)
+    toolbox.run(model, {**values, "cell": 4.0}, overwrite=True)
+    assert names(out) == FILES | {"notes.txt"}
+    assert tree(out)["top.tif"] != before["top.tif"]
+    text = Path(model).read_text().replace("file: top.tif", "file: highest.tif")
+    Path(model).write_text(text)
     toolbox.run(model, values, overwrite=True)
-    assert names(tmp_path / "out") == FILES | {"notes.txt"}
+    assert names(out) == (FILES - {"top.tif"}) | {"notes.txt", "highest.tif"}, "listed once"
+
+
+@pytest.mark.parametrize(
+    ("file", "says"),
+    [
+        ("lines.dxf", "lines.dxf in .*out was changed after the set had been written: move it"),
+        (
+            "README.txt",
+            "README.txt in .*out was changed after the set had been written: name a new",
+        ),
+        ("lines.gpkg-wal", "lines.gpkg-wal in .*out is not of the set there: move it elsewhere"),
+    ],
+)
+def test_files_of_a_set_that_somebody_has_changed_stay(
+    file: str, says: str, model: str, points: Path, tmp_path: Path
+) -> None:
+    values = {"points": points, "deliver": tmp_path / "out"}
+    toolbox.run(model, values)
+    with (tmp_path / "out" / file).open("ab+") as there:
+        there.seek(0)
+        content = there.read()
+        there.truncate(0)
+        there.write(b"mine\n" + content)
+    before = tree(tmp_path / "out")
+    with pytest.raises(ParameterError, match=says):
+        toolbox.run(model, values, overwrite=True)
+    assert tree(tmp_path / "out") == before
+    (tmp_path / "out" / file).rename(tmp_path / file)
+    if file == "README.txt":
+        return  # without it, nobody knows whose the others are
+    toolbox.run(model, values, overwrite=True)
+    assert names(tmp_path / "out") == FILES
+
+
+def test_a_set_does_not_replace_that_of_another_tool(
+    model: str, points: Path, tmp_path: Path
+) -> None:
+    values = {"points": points, "deliver": tmp_path / "out"}
+    toolbox.run(model, values)
+    Path(model).write_text(MODEL.replace("toy.hills", "toy.valleys"))
+    with pytest.raises(ParameterError, match=r"out holds the set of toy\.hills: name a new or an"):
+        toolbox.run(model, values, overwrite=True)
+
+
+def test_files_that_appear_while_a_set_is_made_stay(
+    model: str, points: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = ModelRun.run
+
+    def meanwhile(self: ModelRun, *args: Any) -> Any:
+        (tmp_path / "out").mkdir()
+        (tmp_path / "out" / "top.tif").write_text("mine")
+        return run(self, *args)
+
+    monkeypatch.setattr(ModelRun, "run", meanwhile)
+    with pytest.raises(DataError, match=r"such as top\.tif, and no set of this toolbox"):
+        toolbox.run(model, {"points": points, "deliver": tmp_path / "out"}, overwrite=True)
+    assert tree(tmp_path / "out") == {"top.tif": b"mine"}
 
 
 def test_what_would_be_empty_is_left_out_and_takes_an_earlier_one_with_it(
@@ -213,12 +308,15 @@ def test_what_would_be_empty_is_left_out_and_takes_an_earlier_one_with_it(
 def test_a_set_does_not_go_into_a_folder_that_is_read(
     model: str, points: Path, tmp_path: Path
 ) -> None:
-    """The next run would read its points, too; a single file of it is no reason."""
+    """The next run would read its points, too; a folder of other files is none for a set."""
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "a.laz").hardlink_to(points)
     with pytest.raises(ParameterError, match=r"deliver: .*in is a folder of the inputs"):
         toolbox.run(model, {"points": tmp_path / "in", "deliver": tmp_path / "in"})
-    toolbox.run(model, {"points": tmp_path / "in" / "a.laz", "deliver": tmp_path / "in"})
+    with pytest.raises(
+        ParameterError, match=r"deliver: .*in holds .* as a.laz, and no set of this"
+    ):
+        toolbox.run(model, {"points": tmp_path / "in" / "a.laz", "deliver": tmp_path / "in"})
 
 
 @pytest.mark.parametrize(

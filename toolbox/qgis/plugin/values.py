@@ -311,7 +311,10 @@ class Reader:
             return UNSET
         path = self._as("String", name)
         if os.path.exists(os.path.join(path, field["readme"])):
-            text = language.text("{label}: the files of an earlier set in {folder} are replaced")
+            text = language.text(
+                "{label}: the files of an earlier set in {folder} are replaced, unless any was "
+                "changed"
+            )
             self.feedback.pushWarning(text.format(label=field["label"], folder=path))
         return path
 

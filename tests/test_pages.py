@@ -12,12 +12,14 @@ import pytest
 from toolbox import catalog, reference
 from toolbox.cli import arguments
 from toolbox.cli.main import main
+from toolbox.language import text
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGES = sorted(
-    page for room in ("start", "jobs", "choose", "tr") for page in (DOCS / room).glob("*.md")
-)
+PAGES = sorted(page for room in ("start", "jobs", "choose") for page in (DOCS / room).glob("*.md"))
 PAGES += [DOCS / "howto" / name for name in ("deliver.md", "in-and-out.md")]
+TURKISH = sorted((DOCS / "tr").rglob("*.md"))
+FENCED = re.compile(r"^```(?:sh|python|console)\n.*?^```$", re.MULTILINE | re.DOTALL)
+ITALIC = re.compile(r"\*([^*]+)\*")
 PYTHON = re.compile(r"^```python\n(>>> .*?)^```", re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
@@ -71,7 +73,48 @@ def test_commands_of_a_page_run(
             assert "there is nothing to write" not in said, words
 
 
-WITH_PYTHON = [page for page in DOCS.rglob("*.md") if PYTHON.search(page.read_text("utf-8"))]
+def in_english(page: Path) -> Path:
+    """The page that a Turkish one translates."""
+    inner = page.relative_to(DOCS / "tr")
+    return DOCS / (inner if inner.parts[0] == "jobs" else Path("start", inner))
+
+
+def test_jobs_and_the_first_quarter_of_an_hour_are_there_in_turkish() -> None:
+    english = {*(DOCS / "jobs").glob("*.md"), DOCS / "start" / "first-quarter-hour.md"}
+    assert {in_english(page) for page in TURKISH if page.stem != "index"} == english
+
+
+@pytest.mark.parametrize("page", TURKISH, ids=lambda page: page.stem)
+def test_a_turkish_page_has_the_commands_and_the_steps_of_the_english_one(page: Path) -> None:
+    """So they need not run twice, and a step that is new in English is missed."""
+    if page.stem == "index":
+        return
+    here, there = (one.read_text("utf-8") for one in (page, in_english(page)))
+    assert FENCED.findall(here) == FENCED.findall(there)
+    for mark in (r"(?m)^#+ ", r"(?m)^\|", r"(?m)^- ", r"(?m)^\d\. ", r"`--[\w-]+"):
+        assert len(re.findall(mark, here)) == len(re.findall(mark, there)), mark
+
+
+@pytest.mark.parametrize("language", ["en", "tr"])
+def test_the_page_on_qgis_calls_tools_and_boxes_as_qgis_does(
+    language: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TOOLBOX_LANG", language)
+    page = DOCS / ("tr/jobs" if language == "tr" else "jobs") / "in-qgis.md"
+    rows = re.findall(r"(?m)^\| \[.*\| \*(.+)\* \| (.*) \| (.*) \|$", page.read_text("utf-8"))
+    by_title = {text(one["title"]): one["id"] for one in catalog.summaries()}
+    assert len(rows) == 5
+    for title, *boxes in rows:
+        described = catalog.describe(by_title[title])
+        known = {text(one["title"]) for k in ("inputs", "outputs") for one in described[k].values()}
+        assert {name for box in boxes for name in ITALIC.findall(box)} <= known
+
+
+WITH_PYTHON = [
+    page
+    for page in DOCS.rglob("*.md")
+    if page not in TURKISH and PYTHON.search(page.read_text("utf-8"))
+]
 
 
 @pytest.mark.parametrize("page", WITH_PYTHON, ids=lambda page: page.stem)

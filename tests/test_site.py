@@ -29,7 +29,7 @@ PAGES = [
     "explanation/urban-classes",
     "reference/figures",
     "reference/glossary",
-    "tr/jobs",
+    "tr/jobs/terrain",
     "search",
 ]
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
@@ -77,7 +77,7 @@ def test_pages_are_accessible_and_fit_the_screen(view: str, site: Path, browser:
 
 
 def test_pages_name_their_language(site: Path) -> None:
-    for name, code in (("tr/jobs", "tr"), ("jobs/terrain", "en")):
+    for name, code in (("tr/jobs/terrain", "tr"), ("jobs/terrain", "en")):
         assert f' lang="{code}"' in (site / f"{name}.html").read_text("utf-8")[:300]
 
 

@@ -74,7 +74,7 @@ class PlanesDrawing:
     front `areas` has the area within its outline, and what of it is openings, wall and not seen.
     """
 
-    elevation: Vector = source("Elevation by planes.openings")
+    elevation: Vector = source("Elevation by planes.openings", label="Elevation of fronts")
     unit: Literal["m", "mm"] = param(
         "Unit of the drawing", default="m", words={"m": "Metres", "mm": "Millimetres"}
     )

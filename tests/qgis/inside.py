@@ -64,7 +64,7 @@ from lidar_toolbox import bridge, language, lasheader, parameters, settings, sty
 from lidar_toolbox.algorithm import ToolAlgorithm, option_words  # noqa: E402
 from lidar_toolbox.layers import moves, source_of, suggestions  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
-from lidar_toolbox.values import UNSET, Reader  # noqa: E402
+from lidar_toolbox.values import UNSET, Reader, _count_layers  # noqa: E402
 
 provider = Provider()
 QgsApplication.processingRegistry().addProvider(provider)
@@ -913,6 +913,13 @@ def check_a_set_is_handed_over_and_its_layers_are_loaded() -> None:
     assert {"SET/hillshade.tif", "SET/contours.gpkg|layername=contours"} <= set(loads), loads
     assert "SET/contours.gpkg|layername=labels" not in loads, "it would be empty"
     assert "SET/dsm.tif" not in loads, "the same as the own file"
+    path = os.path.join(folder, "contours.gpkg|layername=contours")
+    layer = QgsVectorLayer(path, "contours")  # in any QGIS, without the plugin
+    widths = {str(c.value()): c.symbol().width() for c in layer.renderer().categories()}
+    assert widths == {"true": styling.HEAVY, "false": styling.THIN}, widths
+    assert styling.has_style_inside(layer)
+    assert layer.labelsEnabled()
+    assert _count_layers(os.path.join(folder, "contours.gpkg")) == 1
     assert not [text for text in feedback.said if "earlier set" in text], "there was none"
     _, ok = provider.algorithm("modelsterrain").create().run(values, context(), feedback)
     assert ok, feedback.said

@@ -1,4 +1,4 @@
-"""GeoPackage files: names of their tables, the files beside them, and a constant date."""
+"""GeoPackage files: names of their tables, the files beside them, styles, and a constant date."""
 
 from __future__ import annotations
 
@@ -11,6 +11,18 @@ SUFFIX = ".gpkg"
 DAY = "2000-01-01"  # said by every file; with the day of the run, no two would be the same
 WRITTEN = f"{DAY}T00:00:00.000Z"
 OPTIONS = {"dataset_options": {"VERSION": "1.3"}}  # which older QGIS reads too
+STYLES = "layer_styles"
+"""Name of the table in which QGIS looks for styles of layers; it holds no data."""
+_STYLES = f"""
+CREATE TABLE IF NOT EXISTS {STYLES} (
+  id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256),
+  f_table_schema TEXT(256), f_table_name TEXT(256), f_geometry_column TEXT(256),
+  styleName TEXT(30), styleQML TEXT, styleSLD TEXT, useAsDefault BOOLEAN, description TEXT,
+  owner TEXT(30), ui TEXT(30),
+  update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')));
+INSERT OR IGNORE INTO gpkg_contents (table_name, data_type, identifier, last_change)
+  VALUES ('{STYLES}', 'attributes', '{STYLES}', '{WRITTEN}');
+"""
 _BESIDE = ("-wal", "-shm", "-journal")  # of the SQLite database that it is
 
 
@@ -23,7 +35,26 @@ def tables(path: Path) -> list[str]:
     """Names of the tables without geometry in a GeoPackage."""
     query = "SELECT table_name FROM gpkg_contents WHERE data_type = 'attributes'"
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
-        return [str(name) for (name,) in database.execute(query)]
+        names = [str(name) for (name,) in database.execute(query)]
+    return [name for name in names if name != STYLES]
+
+
+def add_style(path: Path, layer: str, qml: str) -> None:
+    """Add the style in which QGIS draws a layer that was just written.
+
+    References
+    ----------
+    QGIS 3.22, QgsOgrProviderMetadata::saveStyle: the columns of the table.
+    """
+    column = "SELECT column_name FROM gpkg_geometry_columns WHERE table_name = ?"
+    row = f"""
+        INSERT INTO {STYLES} (f_table_catalog, f_table_schema, f_table_name, f_geometry_column,
+                              styleName, styleQML, useAsDefault, description, owner, update_time)
+        VALUES ('', '', ?, ({column}), ?, ?, 1, '', '', ?)
+    """
+    with closing(sqlite3.connect(path)) as database, database:
+        database.executescript(_STYLES)
+        database.execute(row, (layer, layer, layer, qml, WRITTEN))
 
 
 def description(path: Path, layer: str) -> str:

@@ -274,6 +274,7 @@ class Vector(Layer):
         rounded: bool = False,
         head: Mapping[str, str] = MappingProxyType({}),
         headings: kmz.Headings = MappingProxyType({}),
+        qml: str = "",
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -302,6 +303,7 @@ class Vector(Layer):
             and coordinates in CSV to the millimetre; geometries in other formats are kept
         head : title, client and date (YYYY-MM-DD), for DXF, IFC and CityJSON
         headings : of columns by the name of a layer, for the balloons of KML and KMZ
+        qml : the style in which QGIS draws the layer of a GeoPackage; its own choice unless given
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
@@ -313,7 +315,8 @@ class Vector(Layer):
         """
         if head:
             how: dict[str, Any] = {"layer": layer, "add": add, "rounded": rounded, "ctx": ctx}
-            self.with_head(head).save(path, headings=headings, record=record, **how)
+            how |= {"headings": headings, "qml": qml, "record": record}
+            self.with_head(head).save(path, **how)
             return
         path = Path(path)
         suffix = _suffix_of(path)
@@ -333,7 +336,7 @@ class Vector(Layer):
                 bare = kmz.named(bare, layer or path.stem)
             if suffix in _DRIVERS:
                 said = local.name if local else ""
-                _write(bare, path, layer or path.stem, self.geometry_type, said)
+                _write(bare, path, layer or path.stem, self.geometry_type, said, qml)
             elif suffix == kmz.SUFFIX:
                 kmz.write(bare, path, layer or path.stem, headings)
             else:
@@ -562,7 +565,12 @@ def _read_parquet(path: Path) -> geopandas.GeoDataFrame:
 
 
 def _write(
-    frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type: str, description: str
+    frame: geopandas.GeoDataFrame,
+    path: Path,
+    layer: str,
+    geometry_type: str,
+    description: str,
+    qml: str,
 ) -> None:
     import pyogrio
 
@@ -585,6 +593,8 @@ def _write(
         path.unlink()
         raise DataError(f"{path} cannot hold the layer: {heard[0].message}")
     _check_crs(frame.crs, path, layer)
+    if qml and suffix == geopackage.SUFFIX:
+        geopackage.add_style(path, layer, qml)
 
 
 def _check_crs(crs: CRS | None, path: Path, layer: str) -> None:

@@ -21,7 +21,7 @@ _OF_JOINED = {_LAYER, "text", "angle", "text_height"}  # columns that joining fe
 _OPENS = {
     ".html": "a browser; it needs no network",
     ".pdf": "a reader of PDF",
-    ".gpkg": "QGIS, ArcGIS and other GIS",
+    ".gpkg": "QGIS, which draws it in its own colours, ArcGIS and other GIS",
     ".shp": "any GIS; the files .shx, .dbf, .prj and .cpg belong to it",
     ".tif": "a GIS; cloud-optimised GeoTIFF",
     ".kmz": "Google Earth and GIS",

@@ -25,6 +25,7 @@ from toolbox.data.report.document import LOOKS, today
 from toolbox.declare.fields import Spec
 from toolbox.declare.kinds import Kind, find, parsed_options
 from toolbox.errors import DataError
+from toolbox.pictures import qml
 from toolbox.pictures.draw import draw, drawable
 from toolbox.reports.page import Told, framed, page
 from toolbox.reports.words import columns_in
@@ -418,6 +419,8 @@ def _save_all(
         how = piece.target.how if piece is first else {**piece.target.how, "add": True}
         if piece.target.in_balloons:
             how = {**how, "headings": _headings(spec, piece)}
+        if piece.target.delivered and isinstance(piece.layer, Vector) and piece.target.layer:
+            how = {**how, "qml": qml.style(piece.layer, spec.results[piece.output].show)}
         _save(spec.id, piece, made if piece is group[-1] else "", path, how, ctx)
 
 

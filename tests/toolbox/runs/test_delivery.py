@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
+import sqlite3
 import zipfile
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from toolbox import catalog
 from toolbox.cli.main import main
 from toolbox.cli.replay import replay
 from toolbox.context import Context
-from toolbox.data import PointCloud, Raster, Vector
+from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import Model, ModelRun, run_tool
@@ -121,6 +123,26 @@ def test_options_of_a_file_are_those_of_its_format(
 
     with rasterio.open(tmp_path / "out" / "top.tif") as made:
         assert made.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+
+
+def test_a_geopackage_has_styles_and_reads_as_without(
+    model: str, points: Path, tmp_path: Path
+) -> None:
+    """QGIS draws contours as contours; nobody else takes the styles for data."""
+    import pyogrio
+
+    toolbox.run(model, {"points": points, "deliver": tmp_path / "out"})
+    path = tmp_path / "out" / "lines.gpkg"
+    with closing(sqlite3.connect(path)) as database:
+        rows = database.execute(
+            "SELECT f_table_name, f_geometry_column, useAsDefault, styleQML FROM layer_styles"
+        ).fetchall()
+    assert [row[:3] for row in rows] == [("contours", "geom", 1)]
+    assert 'attr="is_index"' in rows[0][3]
+    assert Vector.layers(path) == ("contours",)
+    assert Table.layers(path) == ()
+    assert pyogrio.list_layers(path)[0, 0] == "contours"
+    assert len(pyogrio.read_dataframe(path, layer="contours")) == len(Vector.open(path)) == 7
 
 
 def test_its_steps_run_only_when_asked_for(model: str, points: Path, tmp_path: Path) -> None:

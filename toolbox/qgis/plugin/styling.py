@@ -86,12 +86,17 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
         if node and layer.type() == QgsMapLayerType.RasterLayer:  # which says "Band 1: ... (Gray)"
             QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, _in_words(_band(layer)))
         try:
-            if not has_style_of_user(layer, *self.output):
+            if not (has_style_inside(layer) or has_style_of_user(layer, *self.output)):
                 style(layer, self.colours, self.field)
         except Exception as err:  # a layer in plain colours is better than none
             QgsMessageLog.logMessage(f"{layer.name()} keeps its colours: {err}", "LiDAR Toolbox")
         if node and self.hidden:
             node.setItemVisibilityChecked(False)
+
+
+def has_style_inside(layer: Any) -> bool:
+    """Whether the file of a layer holds a style for it, as a GeoPackage of a set does."""
+    return layer.type() == QgsMapLayerType.VectorLayer and layer.listStylesInDatabase()[0] > 0
 
 
 def has_style_of_user(layer: Any, algorithm: str, output: str) -> bool:

@@ -342,7 +342,8 @@ def _count_layers(path: str) -> int:
         with closing(
             sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", uri=True, timeout=0)
         ) as file:
-            return int(file.execute("SELECT count(*) FROM gpkg_contents").fetchone()[0])
+            count = "SELECT count(*) FROM gpkg_contents WHERE table_name <> 'layer_styles'"
+            return int(file.execute(count).fetchone()[0])
     except sqlite3.OperationalError:  # another program holds it, and it may have any number
         return 2
     except sqlite3.DatabaseError:

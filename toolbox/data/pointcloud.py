@@ -451,9 +451,14 @@ class PointCloud(Layer):
 
     def within(self, bounds: Sequence[float]) -> PointCloud:
         """The points within (xmin, ymin, xmax, ymax), or on the edge."""
-        x, y = self._x_and_y()
-        inside = (x >= bounds[0]) & (x <= bounds[2]) & (y >= bounds[1]) & (y <= bounds[3])
+        inside = self.inside(bounds)
         return self if inside.all() else self.select(inside)
+
+    def inside(self, bounds: Sequence[float]) -> NDArray[np.bool_]:
+        """Mask of the points within (xmin, ymin, xmax, ymax), or on the edge."""
+        x, y = self._x_and_y()
+        found = (x >= bounds[0]) & (x <= bounds[2]) & (y >= bounds[1]) & (y <= bounds[3])
+        return np.asarray(found)
 
     def _x_and_y(self) -> NDArray[np.float64]:
         """The two axes of shape (2, n); those of all points are not kept to choose a few."""

@@ -246,7 +246,7 @@ class Points:
                 clouds.append(self._shells[number].with_arrays(columns).like(self.template))
                 origins.append(self._origin(number)[rows])
             joint = self.template.filled(clouds, sum(map(len, clouds)))
-            yield joint.select(np.argsort(np.concatenate(origins)))
+            yield joint.select(np.argsort(np.concatenate(origins), kind="stable"))
             later = self._first[self._last >= end]
             start = max(end, int(later.min())) if len(later) else stop
 

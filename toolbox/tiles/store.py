@@ -153,18 +153,15 @@ def gather(
     """
     low, high = grid.buckets(np.reshape(bounds, (2, 2)))
     clouds: list[PointCloud] = []
-    origins: list[Any] = []
     for block in blocks:
         with sound(folder / block.name):
             arrays = load_arrays(folder / block.name)
             for rows in _row_slices(arrays.pop("table"), low, high):
-                columns = {name: np.array(values[rows]) for name, values in arrays.items()}
+                columns = {name: values[rows] for name, values in arrays.items()}
                 origin = columns.pop("origin")
-                cloud = survey.template.with_arrays(columns).with_origin(origin).within(bounds)
-                clouds.append(cloud)
-                origins.append(cloud.origin)
+                clouds.append(survey.template.with_arrays(columns).with_origin(origin))
     joint = survey.template.filled(clouds, sum(map(len, clouds)))
-    return in_order(joint, np.concatenate([*origins, np.empty(0, np.int64)]))
+    return in_order(joint.with_origin(_origins(clouds)), np.flatnonzero(joint.inside(bounds)))
 
 
 @contextmanager
@@ -185,10 +182,18 @@ def sound(folder: Path) -> Iterator[None]:
         raise DataError(text) from err
 
 
-def in_order(cloud: PointCloud, origin: Indices) -> PointCloud:
-    """Sort points by their origin, the index of each in the survey."""
-    order = np.argsort(origin)
-    return cloud.select(order).with_origin(origin[order])
+def in_order(cloud: PointCloud, which: Indices) -> PointCloud:
+    """Some points of a cloud, given by index, sorted by their origin in the survey.
+
+    What is stored consists of runs that are in order, which a stable sort merges.
+    """
+    assert cloud.origin is not None
+    return cloud.select(which[np.argsort(cloud.origin[which], kind="stable")])
+
+
+def _origins(clouds: Iterable[PointCloud]) -> Indices:
+    found = [cloud.origin for cloud in clouds if cloud.origin is not None]
+    return np.concatenate([*found, np.empty(0, np.int64)])
 
 
 def save_layer(folder: Path, layer: Layer) -> None:
@@ -227,9 +232,10 @@ def joined(folders: Iterable[Path], bounds: Box) -> PointCloud | None:
             clouds.append(load_layer(folder).within(bounds))
     if not any(map(len, clouds)):
         return None
-    origins = [cloud.origin for cloud in clouds if cloud.origin is not None]
-    joint = PointCloud.concat(clouds).with_origin(None)
-    return in_order(joint, np.concatenate(origins)) if len(origins) == len(clouds) else joint
+    joint = PointCloud.concat(clouds)
+    if any(cloud.origin is None for cloud in clouds):  # points that a step made
+        return joint.with_origin(None)
+    return in_order(joint.with_origin(_origins(clouds)), np.arange(len(joint)))
 
 
 def _row_slices(table: Indices, low: Indices, high: Indices) -> Iterator[slice]:

@@ -61,6 +61,18 @@ def needs(size: int) -> None:
     del array
 
 
+def cleared(size: int) -> int:
+    """The pages that the system hands out for the last of three arrays of so many bytes."""
+    import resource
+
+    faults = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        np.full(size, 1, np.uint8)
+        faults.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+    return faults[-1]
+
+
 def sleeps(path: Path) -> None:
     path.touch()
     time.sleep(60)
@@ -77,6 +89,13 @@ def test_tasks_are_shared_among_processes(workers: Workers) -> None:
     found = {workers.submit(process_of, large).result() for _ in range(20)}
     assert os.getpid() not in dict(found)
     assert len(found) == len(dict(found)) <= 2  # each has unpacked the shared value once
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other C libraries cannot be told so")
+def test_workers_keep_memory_for_the_next_array(workers: Workers) -> None:
+    """More than 32 MB would be mapped anew each time, in pages of 4 kB to 2 MB that are cleared."""
+    size = 100 * 2**20
+    assert workers.submit(cleared, workers.share(size)).result() < 10
 
 
 def test_a_run_in_tiles_listens_nowhere(tmp_path: Path) -> None:

@@ -45,6 +45,16 @@ def test_pictures_say_what_they_show_and_columns_have_a_head(page: Path) -> None
     assert not [head for head in heads if re.search(r"\|\s*\|", head)]
 
 
+EXPLAINED = sorted((ROOT / "docs" / "explanation").glob("*.md"))
+
+
+@pytest.mark.parametrize("page", EXPLAINED, ids=name_of)
+def test_an_explanation_says_what_makes_its_figures(page: Path) -> None:
+    """A measurement, the tests that hold them, or that they were measured once."""
+    ways = r"tests\.bench|make bench|docs/make_|python -m toolbox|measured once|tests/[\w/]+\.py"
+    assert re.search(ways, page.read_text("utf-8"))
+
+
 def test_the_readme_quotes_the_figures_that_were_measured() -> None:
     """Each number of its table stands on the page that `make bench` writes."""
     readme = (ROOT / "README.md").read_text("utf-8")

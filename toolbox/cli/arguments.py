@@ -204,7 +204,7 @@ def _add_rest(group: Any) -> None:
         "--workers", metavar="N", help=language.text("processes that work on tiles (all cores)")
     )
     group.add_argument(
-        "--memory", metavar="SIZE", help=language.text("that each of them may use, such as 4GB")
+        "--memory", metavar="SIZE", help=language.text("that they may use together, such as 4GB")
     )
     group.add_argument(
         "--scheduler", metavar="URL", help=language.text("Dask scheduler to use instead of them")

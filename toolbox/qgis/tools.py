@@ -231,8 +231,8 @@ def general(spec: Spec) -> list[dict[str, Any]]:
         )
         says = language.text("Processes that work on tiles")
         made.append(_option("workers", language.text("Workers"), "integer", says, ge=1))
-        says = language.text("Memory that each worker may use, such as 4GB")
-        made.append(_option("memory", language.text("Memory of a worker"), "text", says))
+        says = language.text("Memory that all workers may use together, such as 4GB")
+        made.append(_option("memory", language.text("Memory of all workers"), "text", says))
         made[-1]["offers"] = list(MEMORY)
         says = language.text(
             "Keep what is done, and take over what an earlier run has kept, unless it changed"

@@ -12,7 +12,8 @@ from toolbox.errors import ParameterError
 
 BYTES = {"": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
 
-LEAST, MOST = 5 * 10**8, 10**15  # bytes for a worker: what its libraries need, and a mistake
+LEAST = 5 * 10**8  # bytes for each worker: what its libraries and a small tile need
+MOST = 10**15  # bytes: more are taken for a mistake
 MOST_WORKERS = 1024
 
 
@@ -24,7 +25,7 @@ class Tiling:
     ----------
     size : side of a tile, metres; None to choose one that suits the memory
     workers : number of processes
-    memory : bytes per worker; None for an equal share of the memory of this computer
+    memory : bytes for all workers together; None for most of the memory of this computer
     scheduler : address of a Dask scheduler to use instead of local processes
     """
 
@@ -51,11 +52,15 @@ class Tiling:
                 raise ParameterError("run", problems)
             return None
         size = _number("tile", given["tile"], problems, auto=True)
-        workers = _number("workers", given.get("workers") or os.cpu_count(), problems)
         memory = _memory(given.get("memory"), problems)
+        workers = _number("workers", given.get("workers") or _usual(memory), problems)
         if workers is not None and not (workers.is_integer() and workers <= MOST_WORKERS):
             text = f"must be a whole number up to {MOST_WORKERS}, got {given['workers']}"
             problems["workers"] = text
+        elif workers is not None and memory is not None and memory < workers * LEAST:
+            count, given_all = int(workers), given["memory"]
+            text = f"must be at least 500 MB for each worker, and {count} share {given_all}"
+            problems["memory"] = text
         if problems:
             raise ParameterError("run", problems)
         assert workers is not None
@@ -73,6 +78,12 @@ def _number(name: str, value: Any, problems: dict[str, str], *, auto: bool = Fal
         problems[name] = f"must be a number > 0{' or auto' if auto else ''}, got {value!r}"
         return None
     return number
+
+
+def _usual(memory: int | None) -> int:
+    """One worker for each core, but no more than the memory is enough for."""
+    cores = os.cpu_count() or 1
+    return cores if memory is None else max(1, min(cores, memory // LEAST))
 
 
 def _memory(value: Any, problems: dict[str, str]) -> int | None:

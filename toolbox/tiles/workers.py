@@ -48,10 +48,10 @@ class Workers(Protocol):
 
 
 def memory_of(tiling: Tiling) -> int:
-    """Bytes that a worker may use: those of the option, or its share of this computer's memory."""
+    """Bytes that one worker may use: its share of those of the option, or of this computer's."""
     from distributed.system import MEMORY_LIMIT
 
-    return tiling.memory or int(MEMORY_SHARE * MEMORY_LIMIT / tiling.workers)
+    return int(tiling.memory or MEMORY_SHARE * MEMORY_LIMIT) // tiling.workers
 
 
 @contextmanager

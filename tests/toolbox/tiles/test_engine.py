@@ -30,7 +30,7 @@ from toolbox.data import Lattice
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.tiles import engine
 from toolbox.tiles.tiling import Tiling
-from toolbox.tiles.workers import processes
+from toolbox.tiles.workers import memory_of, processes
 
 GIB = 2**30
 MODEL = """
@@ -522,6 +522,10 @@ def test_kill_and_resume_give_the_same_files(model: str, survey: Path, tmp_path:
         ({"tile": "x"}, "tile: must be"),
         ({"tile": "5", "workers": "1.5"}, "workers: must be a whole number"),
         ({"tile": "5", "memory": "4 apples"}, "memory: must be at least 500 MB"),
+        (
+            {"tile": "5", "memory": "1.4GB", "workers": 3},
+            "500 MB for each worker, and 3 share 1.4GB",
+        ),
         ({"workers": "2"}, "workers: is for runs in tiles"),
     ],
 )
@@ -534,6 +538,9 @@ def test_options() -> None:
     assert Tiling.parse({}) is None
     made = Tiling.parse({"tile": "auto", "workers": "3", "memory": "1.5GB"})
     assert made == Tiling(None, 3, 1_500_000_000)
+    assert memory_of(made) == 500_000_000  # of each worker
+    little = Tiling.parse({"tile": "auto", "memory": "500MB"})
+    assert little == Tiling(None, 1, 500_000_000)  # however many cores there are
 
 
 def test_what_a_run_leaves_is_arrays_and_json(survey: Path, tiling: Tiling, tmp_path: Path) -> None:

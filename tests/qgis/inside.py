@@ -445,7 +445,7 @@ def check_errors_are_in_the_words_of_the_dialog() -> None:
     assert algorithm.in_words_of_the_dialog(
         f"{text} EPSG:..., or --assume-crs local\n  no: -x"
     ) == (
-        "points.denoise: 1 problem\n  “Points”: a.xyz has no CRS; choose it in "
+        "“Remove noise”: 1 problem\n  “Points”: a.xyz has no CRS; choose it in "
         "“CRS, if the file states none”: EPSG:..., or local\n  no: -x"
     )
 
@@ -789,6 +789,10 @@ def check_what_is_told_of_results() -> None:
     assert any("interval: is not used" in text for text in feedback.said), feedback.said
     told = model.in_words_of_the_dialog("contour_length: is not used; give `cell`, as x_y.laz")
     assert told == "“Contour length”: is not used; give “Cell size”, as x_y.laz", told
+    told = model.in_words_of_the_dialog("name it (water_classes) or run shoreline.water_level")
+    assert told == "name it (“Water classes”) or run “Water levels”", "of a step, and of a tool"
+    kept = "see /data/points.denoise/a.laz, lake.gpkg and point_source_id"
+    assert model.in_words_of_the_dialog(kept) == kept
 
 
 def check_a_layer_that_was_not_written_is_not_loaded() -> None:
@@ -1061,7 +1065,8 @@ def check_several_results_of_a_repeated_step_go_to_a_folder() -> None:
     many = {"help": "h", "many": True}
     dtm = many | {"name": "dtm", "label": "DTM", "type": "raster", "suffixes": [".tif"]}
     share = many | {"name": "share", "label": "Share", "type": "number"}
-    tool = {"id": str(model), "algorithm": "p", "inputs": [points], "outputs": [dtm, share]}
+    tool = {"id": str(model), "algorithm": "p", "title": "P", "inputs": [points]}
+    tool["outputs"] = [dtm, share]
     algorithm, feedback = ToolAlgorithm(tool, COLOURS).create(), Feedback()
     values = {"POINTS": CLOUD, "DTM": out("folder")}
     results, ok = algorithm.run(values, context(), feedback)

@@ -381,6 +381,12 @@ def play_model_of_four() -> Play:
     styles = {lay.name(): lay.renderer().type() for lay in made.values()}
     assert "singlebandgray" in styles.values(), styles
     assert list(styles.values()).count("singlebandpseudocolor") == 3, styles
+    nodes = [QgsProject.instance().layerTreeRoot().findLayer(one) for one in made]
+    assert [node.name() for node in nodes if node.isVisible()] == ["Terrain (DTM): punkte"]
+    (group,) = {node.parent().name() for node in nodes}
+    assert group == "Terrain and surface models: punkte", group
+    order = [node.name().partition(" ")[0] for node in nodes[0].parent().findLayers()]
+    assert order == ["Terrain", "Surface", "Object", "Intensity:"], order
     yield from over(dialog)
     end = time.monotonic() + 2
     yield lambda: time.monotonic() > end
@@ -478,6 +484,7 @@ def play_set_that_is_handed_over() -> Play:
     yield from opened("Terrain and surface models", "dtm")
     dialog = named("AlgorithmDialog")
     dialog.setParameters({"POINTS": SAYS["cloud"], "CELL": 2.0})
+    write(row_of(dialog, "TITLE"), "Hill of Delft")
     line = row_of(dialog, "DELIVER").findChild(QLineEdit)
     write(line, str(folder))
     dialog.findChild(QScrollArea).ensureWidgetVisible(line)
@@ -486,15 +493,23 @@ def play_set_that_is_handed_over() -> Play:
     look(dialog, 1)
     picture("set log", dialog)
     assert "Execution completed" in log(dialog), log(dialog)
-    assert resultsList.getResults()[-1].filename == str(folder / "README.txt")
+    viewed = [Path(one.filename).name for one in resultsList.getResults()[-2:]]
+    assert viewed == ["README.txt", "report.html"], viewed
+    assert (folder / "README.txt").read_text("utf-8").startswith("Hill of Delft\n")
     made = [lay for i, lay in QgsProject.instance().mapLayers().items() if i not in before]
     sources = [Path(layer.source().split("|")[0]) for layer in made]
     assert {path.parent for path in sources} == {folder}, sources
     SAYS.setdefault("notes", {})["set"] = sorted(layer.name() for layer in made)
     assert len(made) >= 8, made
     tree = QgsProject.instance().layerTreeRoot()
-    hidden = {layer.name() for layer in made if not tree.findLayer(layer).isVisible()}
-    assert hidden == {"Hillshade", "Density", "Strips"}, hidden
+    nodes = tree.findGroup("Terrain and surface models: punkte").findLayers()
+    shown = [(node.name(), node.isVisible()) for node in nodes]
+    assert shown[:3] == [("Contours", True), ("Terrain (DTM)", True), ("Surface (DSM)", False)], (
+        shown
+    )
+    assert not any(seen for _, seen in shown[2:]), shown
+    lines = next(layer for layer in made if layer.name() == "Contours")
+    assert lines.attributeDisplayName(lines.fields().indexOf("elevation")) == "Elevation [m]"
     yield from over(dialog)
     end = time.monotonic() + 2
     yield lambda: time.monotonic() > end

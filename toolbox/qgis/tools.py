@@ -7,14 +7,16 @@ it needs, so QGIS shows all tools without starting another Python.
 from __future__ import annotations
 
 import html
+import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from toolbox import __version__, catalog, language
 from toolbox.context import log
 from toolbox.data import Raster, Report, Table
 from toolbox.data.paths import READABLE, VPC
+from toolbox.data.report.columns import COMMON, Column
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import CHOICE, find
 from toolbox.declare.show import Classes, Isolines, OfClass, Texts
@@ -36,7 +38,9 @@ TAGS = ("lidar", "las", "laz", "point cloud")
 ASSUME_CRS = "assume_crs"
 GRID = find(Raster)
 SHOWN_OF_SET = (".tif", ".gpkg", ".laz")  # files of the set that is handed over
-LOOKS = ("classes", "colour", "isolines", "texts")  # how a layer may be drawn
+LOOKS = ("classes", "colour", "isolines", "texts", "columns")  # how a layer is shown
+MEASURED = {"m": 3, "unit": 3, "°": 3, "m²": 2, "unit²": 2, "m³": 1}  # digits, as of rounded files
+LONGEST = 60  # letters of a heading in a table; a meaning that is longer is none
 SHOWN_AT_ONCE = 12  # inputs of a dialog; optional ones after these are "advanced"
 
 
@@ -73,11 +77,12 @@ def _specs(ids: Iterable[str]) -> Iterator[Spec]:
 
 
 def _colours() -> dict[str, Any]:
-    """The colours of layers, the same as in our own plots."""
+    """How layers are shown: the colours of our own plots, and what many columns are called."""
     return {
         "classification": [[code, *look] for code, look in POINT_CLASSES.items()],
         "relief": list(RELIEF),
         "other": list(OTHER),
+        "columns": _columns(COMMON),
         "bands": {"grey": list(GREY), "changes": list(CHANGES), "no_heights": list(NO_HEIGHTS)},
     }
 
@@ -113,7 +118,7 @@ def _fields(spec: Spec) -> dict[str, Field]:
 def _inputs(spec: Spec) -> list[dict[str, Any]]:
     made = [field(f) | _offered_of(f, spec) for f in spec.inputs.values()]
     made = [f | {"advanced": n >= SHOWN_AT_ONCE and not f["required"]} for n, f in enumerate(made)]
-    options = general(spec)
+    options = [*general(spec), *_head(spec)]
     crs = [f for f in options if f["name"] == ASSUME_CRS]
     after = 1 + next((n for n, f in enumerate(made) if f["type"] in LAYERS.values()), -1)
     return [*made[:after], *crs, *made[after:], *(f for f in options if f not in crs)]
@@ -144,6 +149,7 @@ def field(f: Field) -> dict[str, Any]:
     made |= {"label": label, "many": f.many}
     if f.role == "sink":
         made |= {"suffixes": list(f.suffixes)} if f.kind.is_layer else {}
+        made |= {"columns": _columns(f.columns)} if f.columns else {}
         return made | _shown_as(f)
     offers = f.offers or (f.choices if f.kind is not CHOICE else ())
     made |= {"offers": list(map(str, offers))} if offers else {}
@@ -196,6 +202,18 @@ def _shown_as(f: Field) -> dict[str, Any]:
     return {}
 
 
+def _columns(columns: Mapping[str, Column]) -> dict[str, Any]:
+    """Heading, unit and digits of columns by name, for the numbers as files hold them."""
+    told = {}
+    for name, column in columns.items():
+        heading = language.told(column.heading or column.meaning)
+        more = round(math.log10(column.factor))  # a share in percent is one of 1 in the file
+        digits = MEASURED.get(column.unit) if column.digits is None else column.digits + more
+        unit = column.unit if column.factor == 1 else ""
+        told[name] = [heading if len(heading) <= LONGEST else "", unit, digits]
+    return told
+
+
 def _default(f: Field) -> Any:
     """The default as the plugin shows it: words and several values as one text."""
     values = [v if v in f.choices else f.kind.to_json(v) for v in f.items(f.default)]
@@ -241,6 +259,19 @@ def general(spec: Spec) -> list[dict[str, Any]]:
             _option("resume", language.text("Resume"), "boolean", says) | {"default": False}
         )
     return made
+
+
+def _head(spec: Spec) -> list[dict[str, Any]]:
+    """What reports say at their head; in front where a set with a report is handed over."""
+    title = language.text(
+        "Of the report, and of the set that is handed over; else that of the tool"
+    )
+    client = language.text("For whom the report is made")
+    made = [
+        _option("title", language.text("Title of the report"), "text", title),
+        _option("client", language.text("Client of the report"), "text", client),
+    ]
+    return [one | {"advanced": not spec.deliver} for one in made]
 
 
 def _option(name: str, label: str, type: str, help: str, **limits: float) -> dict[str, Any]:
@@ -303,7 +334,9 @@ def _set(spec: Spec) -> list[dict[str, Any]]:
     says = language.text("Write all that is handed over into this folder, completely or not at all")
     made: dict[str, Any] = {"name": DELIVER, "label": language.text("Folder to hand over")}
     made |= {"type": "folder", "help": f"{says}: {files}, {README}", "option": DELIVER}
-    return [made | {"many": False, "suffixes": [], "readme": README, "layers": _layers_of(spec)}]
+    made |= {"many": False, "suffixes": [], "readme": README, "layers": _layers_of(spec)}
+    pages = (one.file for one in spec.deliver if one.file.endswith(".html"))
+    return [made | {"report": next(pages, "")}]
 
 
 def _layers_of(spec: Spec) -> list[dict[str, Any]]:
@@ -330,10 +363,11 @@ def help_page(spec: Spec) -> str:
     first, _, more = (spec.text or f"{spec.title}.").partition("\n\n")
     more = in_dialog(language.paragraphs(more), spec)
     lines = [_html(f"{language.text(first.removesuffix('.'))}."), _html(more)]
-    head = f"<h3>{language.text('Input parameters')}</h3>"
-    lines += [head, *(_entry(f, spec) for f in spec.inputs.values())] * bool(spec.inputs)
-    head = f"<h3>{language.text('Outputs')}</h3>"
-    lines += [head, *(_entry(f, spec) for f in spec.outputs.values())]
+    for head, fields in (
+        (language.text("Input parameters"), _inputs(spec)),
+        (language.text("Outputs"), [*_results(spec), *_set(spec), *_shown()]),
+    ):
+        lines += [f"<h3>{head}</h3>", *(_entry(one, spec) for one in fields)]
     told = language.text("On the command line:")
     return "\n".join([*filter(None, lines), f"<p>{told} <code>{spec.id}</code></p>"])
 
@@ -348,7 +382,7 @@ def in_dialog(text: str, spec: Spec) -> str:
     titles = {name: language.text(f.title) for name, f in _fields(spec).items()}
     titles |= {
         f"--{f['name'].replace('_', '-')}": f["label"]
-        for f in [*general(spec), *_shown(), *_set(spec)]
+        for f in [*general(spec), *_head(spec), *_shown(), *_set(spec)]
     }
 
     def title(found: re.Match[str]) -> str:
@@ -361,15 +395,13 @@ def in_dialog(text: str, spec: Spec) -> str:
     return re.sub(r"`+([a-z_.-]+)`+", title, text)
 
 
-def _entry(f: Field, spec: Spec) -> str:
-    unit = f" [{f.unit}]" if f.unit and f.unit != "1" else ""
-    says = language.told(f.rule()) if f.role == "param" else ""
-    if f.many and f.role == "param" and f.kind is not CHOICE:
-        says = "; ".join(filter(None, [language.text("several with ; between"), says]))
-    rule = f" ({says})" if says else ""
-    says = in_dialog(language.text(f.help), spec)
-    text = f"<b>{language.text(f.title)}</b>{unit}: {_inline(says + rule)}."
-    return f"<p>{text}</p>"
+def _entry(made: dict[str, Any], spec: Spec) -> str:
+    """The help of one box or result of the dialog, with what it may be."""
+    several = made["many"] and made["type"] == "text" and "required" in made
+    says = [language.text("several with ; between")] if several else []
+    says += [made["rule"]] if made.get("rule") else []
+    rule = f" ({'; '.join(says)})" if says else ""
+    return f"<p><b>{made['label']}</b>: {_inline(in_dialog(made['help'], spec) + rule)}.</p>"
 
 
 def _html(text: str) -> str:

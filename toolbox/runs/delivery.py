@@ -130,7 +130,8 @@ def tell_missing(writes: Mapping[str, Target]) -> None:
     """
     for name, target in _of_set(writes).items():
         if target.missing:
-            log.info("%s will be left out: %s", name, target.missing)
+            told = name.removeprefix(f"{DELIVER} ")
+            log.info("%s will be left out: %s", told, target.missing)
 
 
 def _folder_problem(folder: Path) -> str | None:
@@ -204,7 +205,7 @@ def write(
     _check_needed(spec, found)
     for name, why in left_out.items():
         level = logging.INFO if why in (NOTHING, EMPTY, NOT_HERE) else logging.WARNING
-        log.log(level, "%s is left out: %s", name, why)
+        log.log(level, "%s is left out: %s", name.removeprefix(f"{DELIVER} "), why)
     kept = {name: target for name, target in others.items() if name not in left_out}
     said = _said(spec, notes.how)
     found = {n: v.with_head(said) if isinstance(v, Layer) else v for n, v in found.items()}

@@ -163,7 +163,7 @@ library("processing.gui.wrappers", WidgetWrapper=Wrapper, DIALOG_MODELER=1)
 
 sys.path.insert(0, sys.argv[1])
 NAMES = ("algorithm", "bridge", "delivery", "language", "lasheader", "layers", "parameters")
-NAMES += ("plugin", "rows", "settings", "styling", "values", "widgets")
+NAMES += ("plugin", "rows", "settings", "styling", "tree", "values", "widgets")
 code = {name: import_module(f"lidar_toolbox.{name}") for name in NAMES}
 import_module("lidar_toolbox").classFactory(None)
 code["widgets"].use()

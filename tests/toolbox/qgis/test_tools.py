@@ -72,3 +72,19 @@ def test_rules_are_in_the_language_of_the_dialog() -> None:
     assert " ve " in next(f["rule"] for f in town["inputs"] if f["name"] == "min_height")
     assert not [f["name"] for f in town["inputs"] if " and " in f.get("rule", "")]
     assert not re.findall(r"[<>]=? [\d.]+ and ", town["help"])
+
+
+def test_help_tells_of_every_box_and_result() -> None:
+    for entry in listing()["tools"]:
+        for one in [*entry["inputs"], *entry["outputs"]]:
+            assert f"<p><b>{one['label']}</b>: " in entry["help"], (entry["id"], one["name"])
+
+
+def test_columns_have_headings_units_and_digits_as_files_hold_them() -> None:
+    (outlines,) = [o for o in tool(catalog.load("classify.buildings"))["outputs"] if "columns" in o]
+    assert outlines["columns"]["area"] == ["Area", "unit²", 1]
+    objects = next(
+        o for o in tool(catalog.load("corridor.clearance"))["outputs"] if o["name"] == "objects"
+    )
+    told = objects["columns"]["probability"]
+    assert told == ["Probability that the rule is broken", "", 2], "a share of 1, not percent"

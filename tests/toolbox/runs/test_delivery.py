@@ -386,7 +386,7 @@ def test_a_client_is_not_told_what_to_install(
     ctx = Context(report=lambda share: seen.append(caplog.text))
     with caplog.at_level("INFO", "toolbox"):
         toolbox.run(model, {"points": points, "deliver": tmp_path / "out"}, ctx=ctx)
-    told = "deliver a.pdf will be left out: PDF needs weasyprint: pip install weasyprint"
+    told = "a.pdf will be left out: PDF needs weasyprint: pip install weasyprint"
     assert told in seen[0], "before anything is read"
     assert names(tmp_path / "out") == FILES
     text = (tmp_path / "out" / "README.txt").read_text()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 import weakref
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import qgis.utils
@@ -21,8 +23,12 @@ from . import bridge, delivery, language
 from .layers import is_missing, is_plain, opens_points
 from .parameters import TYPES, definition, is_value
 from .styling import Styler
+from .tree import arrange
 from .values import UNSET, Reader
 
+NONE: Mapping[str, str] = MappingProxyType({})
+HEAD = ("title", "client")  # options of what reports say of a project
+Given = list[tuple[dict[str, Any], Any]]
 FILES = "_FILES"  # ends the name of the output that lists several layers
 
 
@@ -33,16 +39,19 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
     ----------
     tool : entry of the tool
     colours : of layers
+    words : titles of all tools by id, and labels of boxes of other tools by name
     """
 
-    def __init__(self, tool: dict[str, Any], colours: dict[str, Any]) -> None:
+    def __init__(
+        self, tool: dict[str, Any], colours: dict[str, Any], words: Mapping[str, str] = NONE
+    ) -> None:
         super().__init__()
-        self.tool, self.colours = tool, colours
+        self.tool, self.colours, self.words = tool, colours, words
         self.maker: Any = None  # the algorithm of the dialog, of which QGIS runs a copy
         self.has_page = False
 
     def createInstance(self) -> ToolAlgorithm:
-        made = ToolAlgorithm(self.tool, self.colours)
+        made = ToolAlgorithm(self.tool, self.colours, self.words)
         made.maker = weakref.ref(self)
         return made
 
@@ -90,7 +99,8 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
                 continue
             self.addParameter(made)
             if field["type"] == "folder":
-                self.addOutput(delivery.readme(field))
+                for page in delivery.pages(field):
+                    self.addOutput(page)
             if "suffixes" in field and field["many"]:
                 name, label = (
                     field["name"].upper() + FILES,
@@ -124,6 +134,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         given = [(field, read.input(field)) for field in self.tool["inputs"]]
         given += self._written(read, {field["name"]: value for field, value in given})
         given = [(f, v) for f, v in given if v is not UNSET and not self._is_default(f, v, read)]
+        given = self._without_idle_head(given, feedback)
         values = {field["name"]: value for field, value in given if not field.get("option")}
         options = ["--overwrite"]  # the dialog has asked
         for field, value in given:
@@ -139,9 +150,12 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         shown = {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
         shown = {name: path for name, path in shown.items() if os.path.exists(path)}
         result |= shown
-        self._drop_what_was_not_made(result, places, context, _stem(values, self.tool["inputs"]))
+        made_from = _stem(values, self.tool["inputs"])
+        stylers = self._drop_what_was_not_made(result, places, context, made_from)
         self._tell(result, feedback)
-        found = dict(self._results(result, places)) | self._handed_over(result, places, context)
+        handed_over, more = self._handed_over(result, places, context)
+        arrange([*stylers, *more], ": ".join(filter(None, (self.displayName(), made_from))))
+        found = dict(self._results(result, places)) | handed_over
         pages = [name for name, path in found.items() if str(path).endswith(".html")]
         self.has_page = bool(pages) or any(name.endswith(delivery.README) for name in found)
         if dialog := self.maker and self.maker():
@@ -162,6 +176,16 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         skipped = {name for name in inside if read.is_temporary(name.upper())}
         return [(f, read.output(f)) for f in writes if f["name"] not in skipped]
 
+    def _without_idle_head(self, given: Given, feedback: Any) -> Given:
+        """What is given, without title and client where no report is written to say them."""
+        if any(_holds_report(field) for field, _ in given):
+            return given
+        idle = [field for field, _ in given if field.get("option") in HEAD]
+        for field in idle:
+            text = language.text("{label}: not used, as no report is written")
+            feedback.pushInfo(text.format(label=field["label"]))
+        return [(field, value) for field, value in given if field not in idle]
+
     def _is_made(self, field: dict[str, Any], values: dict[str, Any]) -> bool:
         """Whether a run with these inputs makes an output."""
         defaults = {f["name"]: f.get("default") for f in self.tool["inputs"]}
@@ -171,18 +195,16 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
 
     def _handed_over(
         self, result: dict[str, Any], places: dict[str, Any], context: Any
-    ) -> dict[str, Any]:
-        """The files of the set that is handed over, which are loaded, by the names of QGIS."""
+    ) -> tuple[dict[str, Any], list[Styler]]:
+        """The files of the set that is handed over by the names of QGIS; its layers are loaded."""
         field = delivery.folder_of(self.tool)
         if field is None or field["name"] not in result:
-            return {}
+            return {}, []
         folder, inside = result[field["name"]], delivery.names(field)
         id = f"{bridge.PROVIDER}:{self.name()}"
-        delivery.load(field, folder, inside & places.keys(), id, self.colours, context)
+        made = delivery.load(field, folder, inside & places.keys(), id, self.colours, context)
         found = {n.upper(): result[n] for n in inside - places.keys() if result.get(n)}
-        return found | {
-            field["name"].upper() + delivery.README: os.path.join(folder, field["readme"])
-        }
+        return found | delivery.pages_in(field, folder), made
 
     def _is_default(self, field: dict[str, Any], value: Any, read: Reader) -> bool:
         """Whether a value is that of the tool itself: nobody has set it, and nothing is told of it.
@@ -226,8 +248,12 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         raise QgsProcessingException(self.in_words_of_the_dialog(str(err))) from None
 
     def in_words_of_the_dialog(self, text: str) -> str:
-        """Put the labels of the dialog for the options and names of the command line."""
-        labels = {f["name"]: f"“{f['label']}”" for f in self.tool["inputs"] + self.tool["outputs"]}
+        """Put the labels of the dialog for the options and names of the command line.
+
+        Names of boxes of other tools, as of the steps of a model, have their labels there.
+        """
+        own = {f["name"]: f["label"] for f in self.tool["inputs"] + self.tool["outputs"]}
+        labels = {name: f"“{label}”" for name, label in {**self.words, **own}.items()}
 
         def label(found: re.Match[str]) -> str:
             return labels.get(found[2].replace("-", "_"), found[0])
@@ -236,11 +262,12 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         crs = labels.get("assume_crs", "")
         text = text.replace(f"state it with {crs}", f"choose it in {crs}:")
         text = text.replace(f", or {crs} local", ", or local")
-        text = re.sub(r"(`)([a-z_0-9]+)`", label, text)
+        text = re.sub(r"(`)([a-z_0-9.]+)`", label, text)
         first = r"(?m)(^  (?=\w+[.:])|^(?=\w+:))([a-z_0-9]+)"  # of a line
         text = re.sub(first, lambda m: m[1] + label(m).lstrip(), text)
-        # A name of two words is no word of a sentence; within a path it stays.
-        return re.sub(r"(?<![\w./\\-])()([a-z]+(?:_[a-z0-9]+)+)(?![\w./\\-]*[\w/\\])", label, text)
+        # A name of two words, or the id of a tool, is no word of a sentence; in a path it stays.
+        name = r"(?<![\w./\\-])()([a-z]+(?:[._][a-z0-9]+)+)(?![\w./\\-]*[\w/\\])"
+        return re.sub(name, label, text)
 
     def _results(self, result: dict[str, Any], given: dict[str, Any]) -> Any:
         """The results of a tool by the names of QGIS, without tables that were not written."""
@@ -258,8 +285,8 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
 
     def _drop_what_was_not_made(
         self, result: dict[str, Any], places: dict[str, Any], context: Any, made_from: str = ""
-    ) -> None:
-        """Load no layer of ours that was not written, and set the colours of the others.
+    ) -> list[Styler]:
+        """Load no layer of ours that was not written, and give what colours the others, in order.
 
         Those without a name of the user are called after what they were made from. The list of
         layers to load is that of a whole model, with those of its other steps, which stay as they
@@ -271,13 +298,16 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         loads = context.layersToLoadOnCompletion()
         lost = [path for path in loads if _same(path) in planned.keys() - made]
         context.setLayersToLoadOnCompletion({p: loads[p] for p in loads if p not in lost})
+        stylers = {}
         for path in loads.keys() - lost:
             if field := planned.get(_same(path)):
                 details = context.layerToLoadOnCompletionDetails(path)
                 if made_from and details.name == field["label"]:
                     details.name = f"{details.name}: {made_from}"
                 mine = (f"{bridge.PROVIDER}:{self.name()}", field["name"].upper())
-                details.setPostProcessor(Styler.of(self.colours, field, mine))
+                stylers[field["name"]] = Styler.of(self.colours, field, mine)
+                details.setPostProcessor(stylers[field["name"]])
+        return [stylers[f["name"]] for f in outputs if f["name"] in stylers]
 
 
 def _holds(condition: dict[str, Any], value: Any) -> bool:
@@ -285,6 +315,11 @@ def _holds(condition: dict[str, Any], value: Any) -> bool:
     if condition["is"] is not None:
         return bool(value == condition["is"])
     return value is not None and value is not False
+
+
+def _holds_report(field: dict[str, Any]) -> bool:
+    """Whether a result is a report, or a set with one."""
+    return field["type"] == "folder" or ".html" in field.get("suffixes", ())
 
 
 def option_words(field: dict[str, Any], value: Any) -> list[str]:

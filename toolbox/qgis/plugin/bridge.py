@@ -189,7 +189,6 @@ def run(
         It was cancelled.
     """
     line = command("-m", "toolbox", "run", tool, "--params", "-", "--events", "jsonl", *options)
-    feedback.pushDebugInfo(" ".join(line))
     feedback.pushInfo(language.text("The same on the command line:"))
     feedback.pushCommandInfo(repeated(line[0], tool, options, values))
     try:

@@ -1,4 +1,4 @@
-"""The folder of a set that is handed over: its layers are loaded, and its README is a result."""
+"""The folder of a set that is handed over: its layers are loaded, README and report are results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from qgis.core import QgsProcessingContext, QgsProcessingOutputHtml, QgsProvider
 from .layers import opens_points
 from .styling import Styler
 
-README = "_README"  # ends the name of the output by which the results viewer opens it
+README, REPORT = "_README", "_REPORT"  # end the names by which the results viewer opens them
 
 
 def folder_of(tool: dict[str, Any]) -> dict[str, Any] | None:
@@ -18,9 +18,20 @@ def folder_of(tool: dict[str, Any]) -> dict[str, Any] | None:
     return next((field for field in tool["outputs"] if field["type"] == "folder"), None)
 
 
-def readme(field: dict[str, Any]) -> Any:
-    """The output of its README, which dialogs list among their results as they do with pages."""
-    return QgsProcessingOutputHtml(field["name"].upper() + README, field["label"])
+def pages(field: dict[str, Any]) -> Any:
+    """The outputs of its README and report, which dialogs list among their results."""
+    name, label = field["name"].upper(), field["label"]
+    yield QgsProcessingOutputHtml(name + README, f"{label}: {field['readme']}")
+    if field["report"]:
+        yield QgsProcessingOutputHtml(name + REPORT, f"{label}: {field['report']}")
+
+
+def pages_in(field: dict[str, Any], folder: str) -> dict[str, str]:
+    """The paths of these, as far as they are there, by the names of the outputs."""
+    name = field["name"].upper()
+    files = {name + README: field["readme"], name + REPORT: field["report"]}
+    paths = {output: os.path.join(folder, file) for output, file in files.items() if file}
+    return {output: path for output, path in paths.items() if os.path.isfile(path)}
 
 
 def names(field: dict[str, Any]) -> set[str]:
@@ -36,7 +47,7 @@ def holds(path: str, layer: str) -> bool:
 
 def load(
     field: dict[str, Any], folder: str, loaded: set[str], algorithm: Any, colours: Any, context: Any
-) -> None:
+) -> list[Styler]:
     """Let QGIS load the layers of the set, but for outputs that have a file of their own, too.
 
     Parameters
@@ -44,7 +55,13 @@ def load(
     field : of the folder
     loaded : the outputs that QGIS loads from elsewhere
     algorithm : its id, by which users choose styles
+
+    Returns
+    -------
+    list
+        What gives each layer its colours.
     """
+    made = []
     for layer in field["layers"]:
         path = os.path.join(folder, layer["file"])
         if layer["name"] in loaded or not os.path.isfile(path) or not holds(path, layer["layer"]):
@@ -55,7 +72,7 @@ def load(
         name = layer["name"].upper()
         details = QgsProcessingContext.LayerDetails(layer["label"], context.project(), name)
         details.forceName = True  # else QGIS names layers by files, of which some hold several
-        styler = Styler.of(colours, layer, (algorithm, name))
-        styler.hidden = not name and layer["type"] == "raster"  # it would cover the results
-        details.setPostProcessor(styler)
+        made.append(Styler.of(colours, layer, (algorithm, name)))
+        details.setPostProcessor(made[-1])
         context.addLayerToLoadOnCompletion(source, details)
+    return made

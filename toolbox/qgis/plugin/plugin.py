@@ -107,13 +107,26 @@ class Provider(QgsProcessingProvider):
         return list(dict.fromkeys([first, *found]))
 
     def loadAlgorithms(self) -> None:
+        words = words_of(self.listed["tools"])
         for tool in self.listed["tools"]:
             try:  # an error within initAlgorithm would end QGIS; here one tool is left out
                 for field in tool["inputs"] + tool["outputs"]:
                     definition(field)
-                self.addAlgorithm(ToolAlgorithm(tool, self.listed["colours"]))
+                self.addAlgorithm(ToolAlgorithm(tool, self.listed["colours"], words))
             except Exception:
                 say(f"{tool.get('id')} is left out\n{traceback.format_exc()}")
+
+
+def words_of(tools: list[dict[str, Any]]) -> dict[str, str]:
+    """The title of each tool by its id, and the label of each name that has one everywhere.
+
+    Names that are a word of a sentence, too, such as "points", are left out.
+    """
+    labels: dict[str, set[str]] = {}
+    for field in (field for tool in tools for field in tool["inputs"] + tool["outputs"]):
+        labels.setdefault(field["name"], set()).add(field["label"])
+    sure = {name: label for name, (label, *more) in labels.items() if "_" in name and not more}
+    return sure | {tool["id"]: tool["title"] for tool in tools}
 
 
 def read_tools() -> dict[str, Any]:

@@ -47,7 +47,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtGui import QColor
 
-from . import language
+from . import columns, language
 
 SAMPLE = 250000  # cells that statistics are taken of
 OUTERMOST = 0.005  # share of cells at either end that would fade all others, as in our plots
@@ -66,9 +66,9 @@ PLAIN: Mapping[str, Any] = MappingProxyType({})  # says nothing of colours
 
 
 class Styler(QgsProcessingLayerPostProcessorInterface):
-    """Sets the colours of a layer after it was loaded.
+    """Sets the colours of a layer after it was loaded, and its place in the tree.
 
-    One that is hidden is in the project, but not drawn until it is switched on.
+    One that is hidden is in the project, but not drawn until it is switched on, see `tree.arrange`.
     """
 
     _kept: ClassVar[list[Any]] = []  # QGIS holds a bare pointer only
@@ -77,21 +77,27 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
     def of(cls, colours: dict[str, Any], field: dict[str, Any], output: tuple[str, str]) -> Styler:
         made = cls()
         made.colours, made.field, made.output = colours, field, output
-        made.hidden = False
+        made.hidden, made.group, made.rank = False, None, 0
         cls._kept.append(made)
         return made
 
     def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
-        node = context.project() and context.project().layerTreeRoot().findLayer(layer)
+        root = context.project() and context.project().layerTreeRoot()
+        node = root and root.findLayer(layer)
+        if node and self.group:
+            node = self.group.take(node, self.rank, root)
         if node and layer.type() == QgsMapLayerType.RasterLayer:  # which says "Band 1: ... (Gray)"
             QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, _in_words(_band(layer)))
         try:
             if not (has_style_inside(layer) or has_style_of_user(layer, *self.output)):
                 style(layer, self.colours, self.field)
+                if layer.type() == QgsMapLayerType.VectorLayer:
+                    columns.name(layer, self.colours["columns"] | self.field.get("columns", {}))
         except Exception as err:  # a layer in plain colours is better than none
             QgsMessageLog.logMessage(f"{layer.name()} keeps its colours: {err}", "LiDAR Toolbox")
-        if node and self.hidden:
-            node.setItemVisibilityChecked(False)
+        if node:
+            node.setItemVisibilityChecked(not self.hidden)
+            node.setExpanded(not self.hidden)
 
 
 def has_style_inside(layer: Any) -> bool:

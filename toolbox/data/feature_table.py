@@ -10,7 +10,10 @@ OGC 06-103r4, Simple feature access, part 1: well-known text (WKT) of a geometry
 
 from __future__ import annotations
 
+import csv
 import re
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,8 +75,12 @@ def write(
     Table(pd.concat(parts, axis=1)).save(path)
 
 
-def read(path: Path) -> geopandas.GeoDataFrame:
+def read(path: Path, names: Sequence[str] | None = None) -> geopandas.GeoDataFrame:
     """Read what :func:`write` has written, or any CSV with such columns.
+
+    Parameters
+    ----------
+    names : of all columns, in place of the first line if that has no numbers
 
     Raises
     ------
@@ -82,13 +89,13 @@ def read(path: Path) -> geopandas.GeoDataFrame:
     """
     import geopandas
 
-    frame = _frame(path)
+    frame = _frame(path) if names is None else _named(path, names)
     columns = {str(name).lower(): str(name) for name in frame}
     if _WKT in columns:
         used = [columns[_WKT]]
         geometry: Any = shapely.from_wkt(frame[used[0]].fillna("").to_numpy(object))
     else:
-        used = _coordinates(list(map(str, frame)), path)
+        used = _coordinates(list(map(str, frame)), path, sure=names is not None)
         geometry = shapely.points(_positions(frame[used], path))
     return geopandas.GeoDataFrame(frame.drop(columns=used), geometry=geometry)
 
@@ -106,23 +113,47 @@ def _frame(path: Path) -> pd.DataFrame:
     if not marks or marks[0] == ",":
         return Table.open(path).frame
     with errors_named(f"{path} cannot be read"):
-        frame = table_files.read_csv(path, marks[0])
-        places = frame[list(chosen(list(map(str, frame))).values())]
-        if not any(places[name].astype(str).str.fullmatch(_COMMA).any() for name in places):
-            return frame
-        log.warning("%s: commas are read as decimal points", path.name)
-        return table_files.read_csv(path, marks[0], decimal=",")
+        return _with_points(path, partial(table_files.read_csv, path, marks[0]))
 
 
-def _coordinates(names: list[str], path: Path) -> list[str]:
-    """The columns of x, y and, if there is one, z.
+def _named(path: Path, names: Sequence[str]) -> pd.DataFrame:
+    """The rows of a CSV file whose columns have these names; a first line of numbers is a row."""
+    from toolbox.data import table_files
+    from toolbox.data.text import is_number
+
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        line = file.readline().rstrip("\r\n")
+    mark = next((mark for mark in ";\t," if mark in line), ",")
+    cells = next(csv.reader([line], delimiter=mark), [])
+    if len(cells) != len(names):
+        raise DataError(f"{path}: {len(cells)} columns, and {len(names)} names for them")
+    decimals = "." if mark == "," else ","
+    header = not any(is_number(cell) or is_number(cell, decimals) for cell in cells)
+    with errors_named(f"{path} cannot be read"):
+        read = partial(table_files.read_csv, path, mark, names=names, header=header)
+        return read() if mark == "," else _with_points(path, read)
+
+
+def _with_points(path: Path, read: Callable[..., pd.DataFrame]) -> pd.DataFrame:
+    """The rows of a file; read again where commas stand before the decimals of coordinates."""
+    frame = read()
+    places = frame[list(chosen(list(map(str, frame))).values())]
+    if not any(places[name].astype(str).str.fullmatch(_COMMA).any() for name in places):
+        return frame
+    log.warning("%s: commas are read as decimal points", path.name)
+    return read(decimal=",")
+
+
+def _coordinates(names: list[str], path: Path, *, sure: bool) -> list[str]:
+    """The columns of x, y and, if there is one, z; names that the user gave are sure.
 
     In tables that :func:`write` has made z is only what is called so: a height is an attribute.
     """
     if {*_AXES[:2]} <= {*names}:
         return [axis for axis in _AXES if axis in names]
-    if unclear := ambiguity(names):
-        raise DataError(f"{path}: {unclear}; rename them to x (the easting), y and z")
+    if not sure and (unclear := ambiguity(names)):
+        named = "name all columns, e.g. columns=name,x,y,z"
+        raise DataError(f"{path}: {unclear}; rename them to x (the easting), y and z, or {named}")
     found = chosen(names)
     if not {*_AXES[:2]} <= found.keys():
         from toolbox.data.text import is_number  # and pandas, which only tables need
@@ -130,7 +161,8 @@ def _coordinates(names: list[str], path: Path) -> list[str]:
         listed = ", ".join(names) or "none"
         if any(is_number(name) for name in names):
             raise DataError(
-                f"{path}: its first line must name the columns, such as name,x,y,z; it is {listed}"
+                f"{path}: its first line must name the columns, such as name,x,y,z, or they are "
+                f"given, e.g. columns=name,x,y,z; it is {listed}"
             )
         raise DataError(f"{path}: features need columns x and y, or {_WKT}, and it has {listed}")
     return list(found.values())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -38,12 +38,21 @@ def write(table: Table, path: Path, layer: str | None, *, add: bool) -> None:
     writers[path.suffix.lower()](table, path)
 
 
-def read_csv(path: Path, separator: str = ",", *, decimal: str = ".") -> pd.DataFrame:
+def read_csv(
+    path: Path,
+    separator: str = ",",
+    *,
+    decimal: str = ".",
+    names: Sequence[str] | None = None,
+    header: bool = True,
+) -> pd.DataFrame:
     """Read the rows of a CSV file; ValueError if it does not hold a table.
 
     Parameters
     ----------
     decimal : the mark before the decimals of numbers
+    names : of all columns, in place of those in the file
+    header : whether the first line names the columns
     """
     how = {
         "sep": separator,
@@ -51,6 +60,8 @@ def read_csv(path: Path, separator: str = ",", *, decimal: str = ".") -> pd.Data
         "dtype_backend": "numpy_nullable",
         "keep_default_na": False,
         "na_values": [""],
+        "names": names,
+        "header": 0 if header else None,
     }
     frame: pd.DataFrame = pd.read_csv(path, **how)  # type: ignore[call-overload]
     if not isinstance(frame.index, pd.RangeIndex):  # pandas takes the first cells for an index

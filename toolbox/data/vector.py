@@ -206,6 +206,7 @@ class Vector(Layer):
         path: str | Path,
         *,
         layer: str | None = None,
+        columns: Sequence[str] | None = None,
         reproject: CRS | str | None = None,
         assume_crs: CRS | str | int | None = None,
         ctx: Context = QUIET,
@@ -216,6 +217,7 @@ class Vector(Layer):
         ----------
         path : of a format in `toolbox.data.drivers`, GeoParquet, or CSV with x and y, or wkt
         layer : may be left out where the file has one
+        columns : names of all columns of a CSV file, with x and y; instead of its first line
         reproject : bring the features to this CRS as vectors.reproject does; z of formats that say
             nothing of heights is left out
         assume_crs : of a file that states none
@@ -231,11 +233,13 @@ class Vector(Layer):
         here = local(path, ctx)
         if not here.exists():
             raise DataError(f"{path}: no such file")
+        if columns and path.suffix.lower() != feature_table.SUFFIX:
+            raise DataError(f"{path}: columns are for CSV files, not for {path.suffix}")
         with named_as_given(path), errors_named(f"{here} cannot be read as a vector layer"):
             if path.suffix.lower() == ".parquet":
                 vector = cls(_read_parquet(here), name=path.name)
             elif path.suffix.lower() == feature_table.SUFFIX:
-                vector = cls(feature_table.read(here), name=path.name)
+                vector = cls(feature_table.read(here, columns), name=path.name)
             else:
                 vector = _read(here, layer)
         if vector.crs is None and assume_crs is not None:

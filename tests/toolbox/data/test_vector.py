@@ -349,6 +349,31 @@ def test_points_of_surveyors_are_read_from_csv(tmp_path: Path, separator: str) -
     assert list(frame) == ["Nokta", "geometry"]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "P1,10.5,20.5,3\nP2,11,21,4\n",
+        "Nr,Hoch,Rechts,H\nP1,10.5,20.5,3\nP2,11,21,4\n",
+        "P1;10,5;20,5;3\nP2;11;21;4\n",
+    ],
+)
+def test_columns_of_a_csv_can_be_named(text: str, tmp_path: Path) -> None:
+    """Checkpoints without a first line of names, or with other words, as point clouds can."""
+    (tmp_path / "a.csv").write_text(text)
+    names = ["name", "y", "x", "z"]
+    frame = Vector.open(tmp_path / "a.csv", columns=names).frame
+    assert shapely.get_coordinates(frame.geometry, include_z=True).tolist() == [
+        [20.5, 10.5, 3],
+        [21, 11, 4],
+    ]
+    assert frame["name"].tolist() == ["P1", "P2"]
+    with pytest.raises(DataError, match="4 columns, and 3 names for them"):
+        Vector.open(tmp_path / "a.csv", columns=names[1:])
+    Vector(frame.set_crs(32635)).save(tmp_path / "a.gpkg")
+    with pytest.raises(DataError, match=r"columns are for CSV files, not for \.gpkg"):
+        Vector.open(tmp_path / "a.gpkg", columns=names)
+
+
 def test_columns_that_may_be_either_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("No,Y,X,Kot\n1,500010.5,4500020.5,12\n")

@@ -27,6 +27,7 @@ STANDARD = (
 FEWEST = 30  # checkpoints, by the standard
 NSSDA = "NSSDA, 1998, 3.2.2"
 EMPTIEST, APART = "NVA emptiest quarter", "NVA mean distance to next"  # items of a report
+WET = "Checkpoints on water"  # item of a report
 CENTIMETRES = 100.0  # in a metre; classes of the standard are centimetres
 
 
@@ -73,6 +74,8 @@ checkpoints and 4.0 cm these themselves.
             f"Vegetated vertical accuracy (VVA), reported as found at {green} checkpoints: "
             f"{_actual('VVA', found, unit)}"
         )
+    if wet := int(found.get(WET, 0)):
+        yield f"On water that was laid level, which is no terrain and counted apart: {wet} points."
     if unit and count:
         name, metres = unit
         yield (

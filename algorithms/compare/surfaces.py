@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from algorithms.compare._heights import far_apart, height_mismatch
 from algorithms.compare._shapes import areas_at
 from algorithms.compare._spread import Quarters, spread
-from algorithms.compare._statement import FEWEST, horizontal, statement
+from algorithms.compare._statement import FEWEST, WET, horizontal, statement
 from algorithms.compare._unseen import warn_absent
 from algorithms.shared import parameters
 from algorithms.shared.alignment import apart, difference, misfit
 from algorithms.shared.error_measures import COUNTS, MEANING, measures
-from algorithms.shared.ground import without_withheld
+from algorithms.shared.ground import GROUND, without_withheld
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
@@ -47,6 +47,8 @@ MOST_BINS = 80
 NAMED = 5  # checkpoints without a counterpart that a warning names
 LONGEST_NAME = 40  # characters of a checkpoint in a warning
 BLUNDER = 0.1  # metres: no blunder is smaller, whatever the scatter of the others
+LAID, LAND = "water laid level", "land"  # covers of places in the polygons of water, and others
+WINDOW = 5  # cells along a side: no surveyed ground has one height to the bit in 25 cells
 UNKNOWN = "not known"  # land cover of a position that no class or polygon covers
 
 Array = NDArray[np.float64]
@@ -115,6 +117,9 @@ class CompareSurfaces:
     tested; `horizontal_rmse` is what its maker states. `covers` has the share in the emptiest
     quarter too.
 
+    Places in `water`, whose level was laid, are a land cover of their own, and neither NVA nor VVA.
+    Without it, a warning tells how many points lie where the surface is exactly level.
+
     Tables are in metres, layers in the unit of the data.
     """
 
@@ -128,6 +133,12 @@ class CompareSurfaces:
         "Raster of classes of land cover", default=None, label="Land cover (raster)"
     )
     areas: Vector | None = source("Polygons of land cover", default=None, shapes="polygon")
+    water: Vector | None = source(
+        "Polygons of water that was laid level in the surface: no terrain, and counted apart",
+        default=None,
+        shapes="polygon",
+        label="Water laid level",
+    )
     resample: bool = param(
         "Take a reference on other cells bilinearly at the cell centres",
         default=False,
@@ -307,6 +318,8 @@ class CompareSurfaces:
         metre = self.surface.metre
         if text := height_mismatch(found.error, found.surface, metre):
             log.warning("%s %s", _named(self.surface), text)
+        if not raster and self.water is None:
+            self._tell_level(found)
         label, names = self._covers(found, ctx.part(0.4, 0.7))
         quarters = None if raster else Quarters.of(self.surface)
         ctx.progress(0.7)
@@ -458,10 +471,11 @@ class CompareSurfaces:
         DataError
             There are more than `MOST_COVERS`, or one in `vegetated` does not occur.
         """
+        values: NDArray[Any]
         if not (self.cover or self.cover_attribute):
-            return np.zeros(len(found.error), np.int64), ["all"]
-        if self.cover is not None:
-            values: NDArray[Any] = self.cover.sample(*found.xy.T)
+            values = np.full(len(found.error), LAND if self.water is not None else "all", object)
+        elif self.cover is not None:
+            values = self.cover.sample(*found.xy.T)
         elif self.areas is not None:
             of_areas = texts([*self.areas.frame[self.cover_attribute], None])
             values = of_areas[areas_at(self.areas, found.xy, ctx)]  # the last one for no polygon
@@ -470,6 +484,9 @@ class CompareSurfaces:
         else:
             assert self.points is not None
             values = self.points[str(self.cover_attribute)][found.number]
+        if self.water is not None:
+            values = texts(values)
+            values[self._in_water(found, ctx)] = LAID
         label, names = numbered(values)
         if len(names) > MOST_COVERS:
             raise DataError(
@@ -481,6 +498,31 @@ class CompareSurfaces:
             )
         return label, names
 
+    def _in_water(self, found: ErrorsAtPlaces, ctx: Context) -> NDArray[np.bool_]:
+        """Which places lie in the polygons of water; how many points of ground do is told."""
+        assert self.water is not None
+        wet = areas_at(self.water, found.xy, ctx) >= 0
+        if self.points is not None and "classification" in self.points:
+            ground = int(
+                np.count_nonzero(self.points["classification"][found.number[wet]] == GROUND)
+            )
+            if ground:
+                log.warning(
+                    "%d points of class 2 (ground) lie in water that was laid level", ground
+                )
+        return wet
+
+    def _tell_level(self, found: ErrorsAtPlaces) -> None:
+        """Warn of points on water that may have been laid level, unless most of it all is level."""
+        level = int(np.count_nonzero(on_level(self.surface, found.xy)))
+        if 0 < level < len(found.error) / 2:
+            log.warning(
+                "%d of %d points lie where the surface is exactly level, as laid water is, and are "
+                "counted as terrain; if it is water, give its outlines (water)",
+                level,
+                len(found.error),
+            )
+
     def _report(
         self,
         found: ErrorsAtPlaces,
@@ -491,11 +533,16 @@ class CompareSurfaces:
         """Report on checkpoints, in metres."""
         green = self.vegetated or ()
         is_green = np.isin(label, [code for code, name in enumerate(names) if name in green])
+        is_wet = np.isin(label, [code for code, name in enumerate(names) if name == LAID])
         rows: list[Row] = []
-        for kind, which in (("NVA", ~is_green), ("VVA", is_green))[: 2 if green else 1]:
+        kinds = ("NVA", ~is_green & ~is_wet), ("VVA", is_green & ~is_wet)
+        for kind, which in kinds[: 2 if green else 1]:
             wanted = self.accuracy_class if kind == "NVA" else None
             rows += report(kind, found.error[which], self.checkpoint_rmse, wanted)
             rows += spread(kind, found.xy[which], quarters)
+        if is_wet.any():
+            note = "on water that was laid level: no terrain, neither NVA nor VVA"
+            rows.append({"item": WET, "value": int(is_wet.sum()), "unit": "1", "note": note})
         if self.horizontal_rmse is not None:
             note = "stated by the maker of the surface, not tested"
             rows.append({"item": STATED, "value": self.horizontal_rmse, "unit": "m", "note": note})
@@ -544,6 +591,22 @@ class ErrorsAtPlaces(NamedTuple):
     surface: Array
     number: NDArray[np.int64]
     missing: int
+
+
+def on_level(raster: Raster, xy: Array) -> NDArray[np.bool_]:
+    """Whether all cells around places have one height, array of shape (n,); not at the edge."""
+    heights, lattice = raster.band(), Lattice.of(raster)
+    rows, cols = lattice.indices(*xy.T)
+    half = WINDOW // 2
+    inside = (rows >= half) & (cols >= half)
+    inside &= (rows < lattice.rows - half) & (cols < lattice.cols - half)
+    found = inside.copy()
+    rows, cols = rows[inside], cols[inside]
+    same = np.ones(len(rows), bool)
+    for down, right in np.ndindex(WINDOW, WINDOW):
+        same &= heights[rows + down - half, cols + right - half] == heights[rows, cols]
+    found[inside] = same
+    return found
 
 
 def covered(raster: Raster, lattice: Lattice) -> NDArray[np.bool_]:

@@ -316,6 +316,64 @@ def test_the_statement_is_what_the_tool_says_and_horizontal_accuracy_is_not_test
     assert by(out.report, "item", "value")["RMSEH"] == 0.25
 
 
+def lake(west: float, east: float) -> Vector:
+    """Water over the whole height of the slope, between two distances from its western edge."""
+    shape = shapely.box(WEST + west, NORTH - 12, WEST + east, NORTH)
+    return Vector(geopandas.GeoDataFrame(geometry=[shape], crs=UTM), name="lake.gpkg")
+
+
+def test_water_that_was_laid_level_is_no_terrain(caplog: pytest.LogCaptureFixture) -> None:
+    """Its points were among those of the NVA, which told how well water had been levelled."""
+    given = checks(np.where(np.arange(40) < 30, 0.1, 0.5))
+    wet = given.frame.geometry.x.to_numpy() < WEST + 4
+    reference = as_cloud(given, classification=np.full(40, 2, np.uint8))
+    found = CompareSurfaces(
+        surface=slope(), points=reference, water=lake(0, 4), accuracy_class=1.0
+    ).run()
+    items = by(found.report, "item", "value")
+    assert 0 < wet.sum() < 40
+    assert items["NVA checkpoints"] == (~wet).sum()
+    assert items["Checkpoints on water"] == wet.sum()
+    assert by(found.covers, "cover", "count") == {
+        "land": (~wet).sum(),
+        "water laid level": wet.sum(),
+    }
+    assert found.count == 40, "nothing is left out of the table"
+    assert f"counted apart: {wet.sum()} points." in found.in_words()
+    assert f"{wet.sum()} points of class 2 (ground) lie in water" in caplog.text
+
+
+def test_water_is_apart_from_other_land_covers() -> None:
+    given = checks(np.full(40, 0.1), kind=["road", "grass"] * 20)
+    wet = given.frame.geometry.x.to_numpy() < WEST + 4
+    how: dict[str, Any] = {"cover_attribute": "kind", "vegetated": ("grass",)}
+    found = CompareSurfaces(surface=slope(), checkpoints=given, water=lake(0, 4), **how).run()
+    items, grass = by(found.report, "item", "value"), np.arange(40) % 2 == 1
+    assert items["NVA checkpoints"] == (~wet & ~grass).sum()
+    assert items["VVA checkpoints"] == (~wet & grass).sum()
+    covers = by(found.covers, "cover", "count")
+    assert covers["water laid level"] == wet.sum()
+    assert set(covers) == {"grass", "road", "water laid level"}
+
+
+def test_points_on_a_level_part_of_the_surface_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Five cells along a side have one height: of 12 x 12 cells, 5 columns, their middle one."""
+    given = checks(np.zeros(40))
+    heights = slope().band().copy()
+    heights[:, :5] = 12.0
+    surface = raster(heights)
+    CompareSurfaces(surface=surface, checkpoints=given).run()
+    column = np.floor(given.frame.geometry.x.to_numpy() - WEST)
+    row = np.floor(NORTH - given.frame.geometry.y.to_numpy())
+    level = int(((column == 2) & (row >= 2) & (row < 10)).sum())
+    assert level > 0
+    assert f"{level} of 40 points lie where the surface is exactly level" in caplog.text
+    caplog.clear()
+    CompareSurfaces(surface=surface, checkpoints=given, water=lake(0, 5)).run()
+    CompareSurfaces(surface=raster(np.full((12, 12), 12.0)), checkpoints=given).run()
+    assert "exactly level" not in caplog.text
+
+
 def test_land_cover_of_points_and_in_numeric_order() -> None:
     cloud = as_cloud(checks(), classification=np.array([10, 2, 2, 10, 9], np.uint8))
     out = CompareSurfaces(surface=slope(), points=cloud, cover_attribute="classification").run()

@@ -181,6 +181,18 @@ def test_titles_of_tools_have_room_in_dialogs(code: str) -> None:
     assert not [title for title in titles if len(said.get(title, "")) > longest]
 
 
+def test_intensity_and_density_have_words_of_their_own_in_turkish() -> None:
+    """Both had been yoğunluk, which is density; intensity is yansıma şiddeti."""
+    of_intensity = [
+        entry.msgstr
+        for name in translations.sources()
+        for entry in read("tr", name).translated_entries()
+        if "intensit" in entry.msgid.lower() and not "dens" in entry.msgid
+    ]
+    assert sum("yansıma şiddet" in text.lower() for text in of_intensity) > 20
+    assert not [text for text in of_intensity if "yoğunlu" in text.lower()]
+
+
 def test_an_update_keeps_what_is_translated_and_retires_what_is_gone(tmp_path: Path) -> None:
     path = tmp_path / "tools.po"
     old = translations.update(path, ["Points", "Gone"], "tr")

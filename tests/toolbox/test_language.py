@@ -187,7 +187,7 @@ def test_intensity_and_density_have_words_of_their_own_in_turkish() -> None:
         entry.msgstr
         for name in translations.sources()
         for entry in read("tr", name).translated_entries()
-        if "intensit" in entry.msgid.lower() and not "dens" in entry.msgid
+        if "intensit" in entry.msgid.lower() and "dens" not in entry.msgid
     ]
     assert sum("yansıma şiddet" in text.lower() for text in of_intensity) > 20
     assert not [text for text in of_intensity if "yoğunlu" in text.lower()]

@@ -14,6 +14,8 @@ FAR = 1.7976931348623157e308
 def name(layer: Any, columns: dict[str, Any]) -> None:
     """Give a layer the headings of its columns as aliases, and the digits of its numbers.
 
+    What the file itself says of a column, as the style in a GeoPackage may, stays.
+
     Parameters
     ----------
     layer : of features or rows
@@ -25,11 +27,12 @@ def name(layer: Any, columns: dict[str, Any]) -> None:
     for index, field in enumerate(layer.fields()):
         heading, unit, digits = columns.get(field.name(), ("", "", None))
         unit = (UNITS[unit] if metres else "") if unit in UNITS else unit
-        if heading:
+        if heading and not layer.attributeAlias(index):
             heading += f" [{unit}]" if unit else ""
             layer.setFieldAlias(index, heading)
             table.setColumnWidth(index, max(USUAL, LETTER * len(heading)))
-        if digits is not None and field.typeName() == "Real":
+        own = layer.editorWidgetSetup(index).type()
+        if digits is not None and field.typeName() == "Real" and not own:
             how = {"Precision": digits, "AllowNull": True, "Style": "SpinBox"}
             how |= {"Min": -FAR, "Max": FAR, "Step": 10.0**-digits}
             layer.setEditorWidgetSetup(index, QgsEditorWidgetSetup("Range", how))

@@ -89,8 +89,9 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
         if node and layer.type() == QgsMapLayerType.RasterLayer:  # which says "Band 1: ... (Gray)"
             QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, _in_words(_band(layer)))
         try:
-            if not (has_style_inside(layer) or has_style_of_user(layer, *self.output)):
-                style(layer, self.colours, self.field)
+            if not has_style_of_user(layer, *self.output):
+                if not has_style_inside(layer):
+                    style(layer, self.colours, self.field)
                 if layer.type() == QgsMapLayerType.VectorLayer:
                     columns.name(layer, self.colours["columns"] | self.field.get("columns", {}))
         except Exception as err:  # a layer in plain colours is better than none

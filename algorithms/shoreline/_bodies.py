@@ -291,12 +291,11 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
     """All water bodies, the largest first."""
     classed = 2 * cells.water > np.maximum(cells.count, 1)
     holes = list(_holes(cells, pour.first))
-    places = [
-        *_pools(cells, holes, pour.first),
-        *_level_places(cells, cells.calm(), pour.first),
-        *_level_places(cells, classed, pour.first),
-    ]
-    places.sort(key=lambda place: (place[2] != LEVEL, -len(place[0]), place[0][0]))
+    # Large holes first: a few cells at the lower end of a river would fill it to their level.
+    places = sorted(_pools(cells, holes, pour.first), key=_by_size)
+    level = [*_level_places(cells, cells.calm(), pour.first)]
+    level += _level_places(cells, classed, pour.first)
+    places += sorted(level, key=_by_size)
     found: list[Body] = []
     for done, place in enumerate(places):
         ctx.progress(0.9 * done / len(places))
@@ -318,6 +317,10 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
     return sorted(joined(cells, found), key=lambda body: (-len(body.cells), body.cells[0]))
 
 
+def _by_size(place: Pool) -> tuple[int, int]:
+    return -len(place[0]), int(place[0][0])
+
+
 class _Later(NamedTuple):
     """A place that is looked at again when other water is known.
 
@@ -335,11 +338,6 @@ class _Later(NamedTuple):
     doubtful: bool
     body: Ints
     shore: int
-
-
-def _by_place(one: _Later) -> tuple[int, int]:
-    starts = one.place[0]
-    return -len(starts), int(starts[0])
 
 
 class Pour:
@@ -440,7 +438,7 @@ class Pour:
         """
         found: list[Body] = []
         while True:
-            waiting = sorted(self.later, key=_by_place)
+            waiting = sorted(self.later, key=lambda one: _by_size(one.place))
             self.later, before = [], len(found)
             for one in waiting:
                 if len(self._shore(one.body)) < one.shore:
@@ -452,7 +450,11 @@ class Pour:
 
     def doubted(self) -> list[Body]:
         """Bodies that are known by their level alone, beside all others."""
-        places = [one.place for one in sorted(self.later, key=_by_place) if one.doubtful]
+        places = [
+            one.place
+            for one in sorted(self.later, key=lambda one: _by_size(one.place))
+            if one.doubtful
+        ]
         return [body for place in places for body in self.on(*place, last=True)]
 
     def _above_water(self, body: Ints, level: float) -> int:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from algorithms.shoreline._bodies import CREST, STEP, Body, CellGrid, waves_of, window
+from algorithms.shoreline._bodies import SIGMAS, STEP, Body, CellGrid, window
+from algorithms.shoreline._level import NINETY_FIVE
 
+Floats = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 
 
@@ -30,9 +33,9 @@ def apart(cells: CellGrid, body: Body, least: int, highest: float = -np.inf) -> 
     """
     (top, left), wet = window(cells.lattice, body.cells, 1)
     here = np.s_[top : top + wet.shape[0], left : left + wet.shape[1]]
-    crest = max(CREST * waves_of(cells, body.cells), STEP * cells.metre)
     with np.errstate(invalid="ignore"):
-        dry = cells.high[here] - np.maximum(cells.middle[here], highest - cells.base) > crest
+        above = cells.high[here] - np.maximum(cells.middle[here], highest - cells.base)
+        dry = above > max(_crest(above[wet]), STEP * cells.metre)
     label, _ = ndimage.label(wet & ~dry)
     sizes = np.bincount(label.ravel())
     large = np.flatnonzero(sizes >= least)
@@ -47,3 +50,13 @@ def apart(cells: CellGrid, body: Body, least: int, highest: float = -np.inf) -> 
         r, c = np.nonzero(label == number)
         parts.append(replace(body, cells=(r + top) * cells.lattice.cols + c + left))
     return parts
+
+
+def _crest(above: Floats) -> float:
+    """How far waves and noise reach, from the highest points of cells above their surroundings.
+
+    All but one of 40 cells of water are lower, by the median and the span between 20 and 80 % of
+    all: dikes, and what stands in water, are fewer. So few cells make no row across a water.
+    """
+    low, middle, high = np.percentile(above[np.isfinite(above)], (20, 50, 80))
+    return float(middle + NINETY_FIVE * (high - low) / SIGMAS)

@@ -419,6 +419,23 @@ def test_waters_that_are_hard_to_tell_are_found(kind: str, seed: int) -> None:
     assert min(found) > 0.9
 
 
+def test_waves_across_a_river_are_no_dikes() -> None:
+    """Of 9 cm, they made three waters of it, whose levels differ as it falls by 6 cm."""
+    (found,), water = scored(waters.survey("river", 101))
+    assert found > 0.95
+    assert len(water) == 1
+
+
+def test_a_hole_that_slopes_is_no_lake_though_a_few_cells_at_its_lower_end_are_level() -> None:
+    """A river that returns nothing from 0.3 points per m2, and falls by 1.7 m."""
+    made = waters.survey("river", 712)
+    (found,), water = scored(made)
+    assert found > 0.97
+    assert abs(water.slope[0] - made.waters[0].fall) < 0.0003
+    truth = made.waters[0].level - made.waters[0].fall * made.land.side / 2
+    assert abs(water.level[0] - truth) < water.level_interval[0]
+
+
 def test_holes_of_a_cell_or_a_row_are_measured_without_a_warning() -> None:
     """By rounding the variance across a slanted row of cells is below 0."""
     south = np.arange(7)

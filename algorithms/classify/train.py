@@ -192,10 +192,10 @@ class ClassifyTrain:
         learning = list(reports.learning_rows(own, kept, models[0], how, ctx.part(0.85, 0.95)))
         importance = reports.importance_rows(models[0], kept, self.seed, ctx.part(0.95, 1.0))
         missed = reports.reliability(scores, heat, points)
-        report = list(reports.verdict_rows(by_class, learning, missed))
+        report = list(reports.verdict_rows(by_class, by_block.counts.sum(axis=0), learning, missed))
         for row in report:
             if row["verdict"] != "ok":
-                log.warning("%s: %s (%s)", row["what"], row["found"], row.get("rule", "not known"))
+                log.warning("%s", reports.in_words(row))
         accuracy = list(reports.accuracy_rows(by_block, self.seed))
         value = {row["measure"]: row["value"] for row in accuracy}
         record: dict[str, Any] = {

@@ -36,7 +36,13 @@ SHARES = (0.1, 0.25, 0.5, 1.0)  # of the blocks, in the learning curve
 ASKED = 3000  # points with which importances are found
 GAIN = 0.5  # percent of accuracy that the last doubling may bring if labels suffice
 FEW_BLOCKS, FEW_POINTS = 10, 500  # of a class, below which its figures are luck
+LOW_F1 = 200 / 3  # percent; below it less than half of what has the class in either has it in both
 RELIABLE = 3.0  # percent by which probabilities may miss the share that is right
+MORE_LABELS = "label more of it, at other places"
+TELL_APART = (
+    "label more places where both stand side by side, give features that tell them apart, or leave "
+    "one out"
+)
 
 Row = dict[str, Any]
 Ints = NDArray[np.int64]
@@ -166,14 +172,31 @@ def reliability(scores: Floats, heat: float, points: Labelled) -> float:
 
 
 def verdict_rows(
-    by_class: Sequence[Mapping[str, Any]], learning: Sequence[Mapping[str, Any]], missed: float
+    by_class: Sequence[Mapping[str, Any]],
+    matrix: Floats,
+    learning: Sequence[Mapping[str, Any]],
+    missed: float,
 ) -> Iterator[Row]:
-    """Whether the labels suffice: one row for each thing that was looked at."""
-    for row in by_class:
+    """Whether the labels suffice: one row for each thing that was looked at.
+
+    Parameters
+    ----------
+    by_class : of `class_rows`
+    matrix : counts by label and given class, array of shape (k, k)
+    learning : of `learning_rows`
+    missed : of `reliability`, percent
+    """
+    codes = [row["class"] for row in by_class]
+    for k, row in enumerate(by_class):
         few = row["blocks"] < FEW_BLOCKS or row["points"] < FEW_POINTS
         text = f"{row['points']} points in {row['blocks']} blocks"
         rule = f"at least {FEW_POINTS} points in {FEW_BLOCKS} blocks"
         yield _verdict(f"labels of class {row['class']}", text, rule, not few)
+        value = row["f1"] or 0.0
+        low = value < LOW_F1
+        text = f"{value:.1f} %" + (f": {_confused(codes, matrix, k)}" if low else "")
+        made = _verdict(f"F1 of class {row['class']}", text, f"at least {LOW_F1:.1f} %", not low)
+        yield made | ({"advice": MORE_LABELS if few else TELL_APART} if low else {})
     if len(learning) > 1:
         gain = learning[-1]["overall_accuracy"] - learning[-2]["overall_accuracy"]
         more = "more" if gain >= 0 else "less"  # a sign first would be a formula to spreadsheets
@@ -183,6 +206,24 @@ def verdict_rows(
         yield {"what": "more labels", "found": "too few blocks to tell", "verdict": "not known"}
     text = f"{missed:.2f} % away from the share that is right"
     yield _verdict("probabilities", text, f"at most {RELIABLE:g} %", missed <= RELIABLE)
+
+
+def in_words(row: Row) -> str:
+    """A row of `verdict_rows` as a warning."""
+    text = f"{row['what']}: {row['found']} ({row.get('rule', 'not known')})"
+    return f"{text}; {row['advice']}" if "advice" in row else text
+
+
+def _confused(codes: Sequence[int], matrix: Floats, k: int) -> str:
+    """What most of the errors of a class are."""
+    lost, taken = np.delete(matrix[k], k), np.delete(matrix[:, k], k)
+    other = int(np.argmax(np.maximum(lost, taken)))
+    code = [*codes[:k], *codes[k + 1 :]][other]
+    if lost[other] >= taken[other]:
+        share = 100 * lost[other] / max(matrix[k].sum(), 1)
+        return f"{share:.0f} % of its points are taken for class {code}"
+    share = 100 * taken[other] / max(matrix[:, k].sum(), 1)
+    return f"{share:.0f} % of what is taken for it is class {code}"
 
 
 def _verdict(what: str, found: str, rule: str, fine: bool) -> Row:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.classify import _evidence
-from algorithms.classify._learning import columns, model
+from algorithms.classify._learning import columns, model, reports
 from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning.bins import Bins
 from algorithms.classify._learning.model import softmax
@@ -194,6 +194,41 @@ def test_learnt_in_one_yard_it_holds_in_another(made: Any, tmp_path: Path) -> No
     assert (out.classified["second_class"] != out.classified["classification"]).all()
     direct = ClassifyApply(points=other, model=made.model).run()
     np.testing.assert_array_equal(direct.classified["probability"], sure)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "points", "found", "advice"),
+    [
+        ([[300, 300], [0, 900]], 600, "66.7 %", ""),  # 300 of the 600 that are it in either
+        ([[299, 301], [0, 900]], 600, "66.5 %: 50 % of its points are taken for class 5", "leave"),
+        ([[600, 0], [900, 0]], 600, "57.1 %: 60 % of what is taken for it is class 5", "leave"),
+        (
+            [[90, 310], [0, 900]],
+            400,
+            "36.7 %: 78 % of its points are taken for class 5",
+            "label more",
+        ),
+    ],
+)
+def test_classes_that_are_learnt_badly_are_told_with_why_and_what_to_do(
+    matrix: list[list[int]], points: int, found: str, advice: str
+) -> None:
+    """Below an F1 of two thirds the IoU, F1 / (2 - F1), is below one half."""
+    counts = np.array(matrix, float)
+    f1 = 200 * counts[0, 0] / (counts[0].sum() + counts[:, 0].sum())
+    rows = [
+        {"class": 2, "points": points, "blocks": 20, "f1": f1},
+        {"class": 5, "points": 900, "blocks": 20, "f1": 99.0},
+    ]
+    told = {row["what"]: row for row in reports.verdict_rows(rows, counts, [], 0.0)}
+    row = told["F1 of class 2"]
+    assert row["found"] == found
+    assert row["verdict"] == ("look at it" if advice else "ok")
+    assert advice in row.get("advice", "")
+    assert ("advice" in row) == bool(advice)
+    assert told["F1 of class 5"]["verdict"] == "ok"
+    if advice:
+        assert reports.in_words(row).startswith(f"F1 of class 2: {found} (at least 66.7 %); ")
 
 
 def test_intervals_that_are_too_narrow_are_told(caplog: pytest.LogCaptureFixture) -> None:

@@ -25,7 +25,7 @@ demo: .venv/demo ## make a small survey, classify it, grid it, and say how good 
 	$(BIN)/python -m toolbox demo --folder $(OUT)
 
 test: .venv/installed ## run the tests; with CI=true also the long ones
-	$(BIN)/python -m pytest -n 2 $(if $(CI),,-m "not slow")
+	$(BIN)/python -m pytest -n 2 $(if $(CI),--durations=40,-m "not slow")
 
 check: .venv/installed ## lint, types, layers
 	$(BIN)/ruff format --check .
@@ -49,8 +49,9 @@ links: .venv/installed ## ask every address that the documentation names; needs 
 translations: .venv/installed ## bring the catalogues of translations up to date, and say what is missing
 	$(BIN)/python -m toolbox.translations
 
-gallery: .venv/installed ## run the examples of all tools and draw the gallery; some minutes
+gallery: .venv/installed ## run the examples of all tools and the jobs, and draw their pictures; some minutes
 	PYTHONPATH=. $(BIN)/python docs/make_tool_pictures.py
+	PYTHONPATH=. $(BIN)/python docs/make_job_pictures.py
 
 bench: .venv/installed ## measure what docs/reference/figures.md says, an hour; needs TOOLBOX_TEST_DATA
 	$(BIN)/python -m tests.bench figures

@@ -43,11 +43,11 @@ def run_all(drawn: set[str]) -> None:
                 picture.unlink()
 
 
-def shrink(picture: Path, to: Path) -> None:
+def shrink(picture: Path, to: Path, width: int = WIDTH) -> None:
     """Write a small picture."""
     with Image.open(picture) as image:
         rgb = image.convert("RGB")
-        size = (WIDTH, round(rgb.height * WIDTH / rgb.width))
+        size = (width, round(rgb.height * width / rgb.width))
         small = rgb.resize(size, Image.Resampling.LANCZOS)
         small.save(to, quality=QUALITY, method=6)
 

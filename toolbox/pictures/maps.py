@@ -31,6 +31,7 @@ _TEXT_WIDTH = 0.3  # inches around a text that others leave free: one of six dig
 _LIGHT, _HEAVY = 0.35, 1.1  # points, widths of isolines; 0.8 of other lines
 _LINE, _SHADOW = "#1f3a5f", "#9a9a9a"
 WIDTH = 4.4  # inches of a map
+TITLE = 50  # characters of 10 points that are as wide as a map
 _FLATTEST, _TALLEST = 0.25, 1.6  # height of a map to its width
 _TICK_TEXT = 0.5  # inches that a coordinate of nine digits takes
 LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for its texts
@@ -86,7 +87,8 @@ class Panel:
                 _show_vector(axes, vector, self.bounds, over=self.image is not None)
         west, south, east, north = self.bounds
         axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
-        axes.set_title(self.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
+        size = min(10.0, 10.0 * TITLE / len(self.title)) if self.title else 10.0
+        axes.set_title(self.title, fontsize=size, color=INK, loc="left", pad=6, fontweight="bold")
         _show_ticks(axes, self)
         if length_problem(self.crs) is None:
             _show_scale(axes, self)

@@ -245,6 +245,14 @@ def test_same_bytes_on_every_run_and_no_date_in_the_file(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
+def test_the_title_of_many_layers_is_not_cut(tmp_path: Path) -> None:
+    """They lie over one map, and all are named above it."""
+    over = {name * 6: outline(shapely.box(110, 160, 140, 190)) for name in ("tops", "rows", "ways")}
+    draw({"ground": raster(np.full((50, 50), 3.0)), **over}, tmp_path / "a.png")
+    edge = read(tmp_path / "a.png")[:, -2:, :3]
+    assert edge.min() == 1.0, "white"
+
+
 def test_one_panel_per_layer_in_rows_of_three(tmp_path: Path) -> None:
     sizes = {}
     for count in (1, 3, 4):

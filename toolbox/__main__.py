@@ -8,6 +8,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+from toolbox.heap import keep_memory
+
 # A GIS that starts us may point these at its own libraries; our wheels carry their own data.
 for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
     os.environ.pop(_name, None)
@@ -16,6 +18,7 @@ for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
 def run() -> None:
     """Run the command line and end the process with its exit code."""
     _open_streams()
+    keep_memory()
     if problem := hidden():
         print(f"error: {problem}", file=sys.stderr)
         sys.exit(2)

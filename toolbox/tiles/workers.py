@@ -6,13 +6,11 @@ listen nowhere, so that no other account of the computer can give them any.
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
 import os
 import pickle
 import queue
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
@@ -23,6 +21,7 @@ from typing import Any, Protocol
 import psutil
 
 from toolbox.errors import DataError, ParameterError
+from toolbox.heap import keep_memory
 from toolbox.tiles.tiling import Tiling
 
 MEMORY_SHARE = 0.8  # of the memory of this computer, for all workers together
@@ -31,7 +30,6 @@ PULSE = 0.1  # seconds between two looks at the memory of a worker
 TRIES = 2  # of a task: its input may be on a disk that is away for a moment
 DIED = "its worker died, perhaps for want of memory; take smaller tiles or more memory"
 WARNINGS = "PYTHONWARNINGS"
-TRIM_THRESHOLD, MMAP_MAX = -1, -4  # what mallopt sets, by the numbers of malloc.h
 
 
 class Workers(Protocol):
@@ -234,7 +232,7 @@ class _Process:
 def _serve(pipe: Connection, threads: int) -> None:
     """Run tasks until the pipe ends; the life of a worker process."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _keep_memory()
+    keep_memory()
     os.environ["NUMBA_NUM_THREADS"] = str(threads)
     pipe.send(None)
     value: Any = None
@@ -252,18 +250,6 @@ def _serve(pipe: Connection, threads: int) -> None:
             pipe.send(answer)
         except Exception as err:  # noqa: BLE001  what cannot be sent, can be told
             pipe.send((None, RuntimeError(f"{answer[1]!r}: {err}")))
-
-
-def _keep_memory() -> None:
-    """Have the C library keep memory that is freed, for the next array and the next tile.
-
-    Large arrays are else mapped anew each time, and the system clears them page by page: up to a
-    quarter of the processor time of a run. Only glibc can be told so.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if mallopt is not None:
-        mallopt(MMAP_MAX, 0)
-        mallopt(TRIM_THRESHOLD, -1)  # never
 
 
 def _end_with_parent() -> None:

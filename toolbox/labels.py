@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from toolbox import language
+
 LONGEST_TITLE = 30  # characters: what the toolbox of QGIS and the heading of a report have room for
 WRITTEN = {  # as it is written, by the word of a name
     word.lower(): word
@@ -30,5 +32,5 @@ def labelled(name: str, title: str, help: str) -> str:
     """
     if title == in_words(name) or help.lower().startswith(title.lower()):
         return help
-    flows = help[:1].lower() + help[1:] if help[1:2].islower() else help
+    flows = language.uncapitalised(help) if help[1:2].islower() else help
     return f"{title}: {flows}"

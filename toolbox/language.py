@@ -132,6 +132,27 @@ def decimals(text: str) -> str:
     return text if chosen() == "en" else _DECIMAL.sub(r"\1,\2", text)
 
 
+def for_people(english: str) -> str:
+    """A text with values in it as reports say it: :func:`told`, with :func:`decimals`."""
+    return decimals(told(english))
+
+
+def capitalised(text: str) -> str:
+    """A text that begins with a large letter, as a sentence does.
+
+    >>> with speaking("tr"):
+    ...     capitalised("iki nokta"), uncapitalised("İki nokta"), capitalised("5 nokta")
+    ('İki nokta', 'iki nokta', '5 nokta')
+    """
+    first = "İ" if text[:1] == "i" and chosen() == "tr" else text[:1].upper()
+    return first + text[1:]
+
+
+def uncapitalised(text: str) -> str:
+    """A text that begins with a small letter, as within a sentence."""
+    return text[:1].replace("İ", "i").lower() + text[1:]
+
+
 def _line(code: str, line: str) -> str:
     """A line; if it is not known as a whole, its longest parts that are known, one by one."""
     text = line.strip()

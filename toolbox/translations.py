@@ -78,6 +78,7 @@ SHORT += [name.lower() for name in CLASSES.values()]
 # Words in the columns that reports show.
 WORDS = "ground tree building water rail road line other tower pole conductor wire door window"
 WORDS += " critical watch falling plane shore island flat gable hip left right"
+WORDS += " recess behind reflectance outline grid none others"
 WORDS += " bottom top unseen unclassified blocks all level dark raster vector table"
 FAULTS = ("AssertionError", "AttributeError", "TypeError")  # of code, told to who writes it
 PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")

@@ -108,5 +108,5 @@ DRAWING = {
         "", meaning="Distance of a dimension's text above its line, in heights of the text"
     ),
     "anchor": Column("", meaning="left where the text begins at its point, else it is centred"),
-    "about": Column("", meaning="What of the set stands there: title, client or date"),
+    "about": Column("", meaning="What of the set stands there: title, client, date or number"),
 }

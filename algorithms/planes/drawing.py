@@ -162,7 +162,7 @@ class PlanesDrawing:
                 ("Project", "", "title"),
                 ("Drawing", self.subject or FRONTS, None),
                 ("Client", "", "client"),
-                ("Number", self.number or "", None),
+                ("Number", self.number or "", "number"),
                 ("Date", "", "date"),
                 ("Scale", f"1:{scale}, {paper}", None),
             ]

@@ -156,10 +156,13 @@ def test_the_readme_of_a_set_is_translated() -> None:
     entry = Entry("spans.csv", "", "The report to print", 8, "", columns, without=3)
     spec = catalog.load("models.terrain")
     with language.speaking("tr"):
-        text = readme(spec, {}, None, Told(), [entry], {}, {})
+        told = Told(warnings=["land of 2.5 m2 is lost"])
+        text = readme(spec, {}, None, told, [entry], {"client": "Muş 2.5"}, {})
     said = (
         "Yazdırmak için rapor [8]; okunan noktalardan 3 tanesi içinde yoktur",
         "ground  Uzaklık: zemin [m]",
+        "- Land of 2,5 m² is lost",
+        "  Muş 2.5\n",
     )
     assert [part for part in said if part not in text] == [], text
 
@@ -255,7 +258,7 @@ def test_texts_are_written_in_one_piece() -> None:
 def test_a_report_speaks_the_language_of_its_user(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = Rows(Table.from_rows([{"kind": "tree", "seen": True, "points": 0.25}]))
     report = Report("Quality of a survey", [Section("Spans", [rows])], summary="None.")
-    report = report.titled(client="Muş", date="2026-11-24")
+    report = report.titled(client="Muş 2.5", date="2026-11-24")
     monkeypatch.setenv("TOOLBOX_LANG", "tr")
     page = report.html()
     for text in (
@@ -265,6 +268,7 @@ def test_a_report_speaks_the_language_of_its_user(monkeypatch: pytest.MonkeyPatc
         ">evet<",
         ">0,2500<",
         ">Özet<",
+        ">Muş 2.5<",
         "Yakınlaş",
     ):
         assert text in page

@@ -280,7 +280,7 @@ def _kind(layer: Any) -> str:
 
 def _explained(line: str, help: str) -> str:
     """A figure with what it is, as far as both go into a line of the terminal."""
-    told = f"{line}  ({help[:1].lower()}{help[1:]})"
+    told = f"{line}  ({language.uncapitalised(help)})"
     return told if help and len(told) <= shutil.get_terminal_size().columns else line
 
 

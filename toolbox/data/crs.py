@@ -308,7 +308,7 @@ def unit_of_lengths(crs: CRS | None) -> Unit | None:
 
 
 def own_unit(size: float, unit: Unit | None, power: int = 1, digits: int = 3) -> str:
-    """A length, area (power 2) or density (-2) of metres in the unit of the data, in brackets.
+    """A length, area (power 2), volume (3) or density (-2) in the unit of the data, in brackets.
 
     Parameters
     ----------
@@ -333,7 +333,8 @@ def own_unit(size: float, unit: Unit | None, power: int = 1, digits: int = 3) ->
     own = size / metres**power
     whole = _close(own, round(own))
     text = f"{own:.{0 if whole else telling(abs(own), digits)}f}"
-    said = {1: f"{text} {name}", 2: f"{text} {name}²", -2: f"{text}/{name}²"}
+    raised = {1: "", 2: "²", 3: "³"}
+    said = {-2: f"{text}/{name}²"} | {n: f"{text} {name}{sign}" for n, sign in raised.items()}
     return f" ({said[power]})"
 
 

@@ -389,6 +389,7 @@ def _dimension(
     shift : of the middle of the text above the line, in heights of the text
     """
     (x0, y0), (x1, y1) = shapely.get_coordinates(line).tolist()
+    sign = "," if "," in text else "."
     look = {
         "dimtxt": height,
         "dimtsz": TICK * height,
@@ -398,9 +399,9 @@ def _dimension(
         "dimtoh": 0,
         "dimse1": 1,  # without lines to what is measured
         "dimse2": 1,
-        "dimdec": len(text.partition(".")[2]),
+        "dimdec": len(text.partition(sign)[2]),
         "dimzin": 0,  # zeros at the end are kept
-        "dimdsep": ord("."),
+        "dimdsep": ord(sign),
         "dimclrd": _BY_LAYER,
         "dimtmove": 2,  # a text that is moved has no leader
     }

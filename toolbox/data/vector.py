@@ -133,8 +133,9 @@ class Vector(Layer):
         """
         frame = self.frame
         if {"about", "text"} <= set(frame.columns):
-            said = frame["text"].map(language.told, na_action="ignore")
-            frame["text"] = frame["about"].map(head).fillna(said)
+            said = frame["text"].map(language.for_people, na_action="ignore")
+            own = frame["text"].where(frame["about"].notna(), said)
+            frame["text"] = frame["about"].map(head).fillna(own)
         made = self._of(frame)
         made.head = dict(head)
         return made

@@ -158,7 +158,10 @@ def fractions(figure: Figure, box: Box) -> Box:
 
 def say(figure: Figure) -> None:
     """Put all texts of a figure into the language of the user."""
+    from matplotlib.axes import Axes
     from matplotlib.text import Text
+
+    from toolbox.pictures.ticks import Said
 
     if language.chosen() == "en":
         return
@@ -166,6 +169,10 @@ def say(figure: Figure) -> None:
         assert isinstance(text, Text)
         if text.get_text():
             text.set_text(language.label(text.get_text()))
+    for axes in figure.findobj(Axes):
+        assert isinstance(axes, Axes)
+        for axis in (axes.xaxis, axes.yaxis):  # which write their ticks as they are drawn
+            axis.set_major_formatter(Said(axis.get_major_formatter()))
 
 
 # Keys --------------------------------------------------------------------------------------

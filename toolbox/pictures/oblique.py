@@ -27,9 +27,8 @@ def direction_of(cloud: PointCloud, planes: str = "") -> Floats:
     xyz = cloud.xyz - cloud.xyz[0]
     wall = _wall(xyz, cloud[planes]) if planes and planes in cloud else None
     if wall is not None:
-        normal, centre = wall
-        side = 1.0 if np.median((xyz - centre) @ normal) >= 0 else -1.0
-        return _lifted(math.atan2(side * normal[1], side * normal[0]) + _ASIDE, _ABOVE)
+        normal = _to_the_street(xyz, *wall, cloud.metre)
+        return _lifted(math.atan2(normal[1], normal[0]) + _ASIDE, _ABOVE)
     some = xyz[:: 1 + len(xyz) // (_MOST * _SOME), :2]
     sizes, ways = np.linalg.eigh(np.cov(some.T) if len(some) > 2 else np.eye(2))
     if sizes[0] > _ROUND * sizes[1]:
@@ -46,8 +45,8 @@ def _lifted(heading: float, height: float) -> Floats:
 def oblique(cloud: PointCloud, planes: str) -> PointCloud | None:
     """The cloud in the coordinates of an oblique view: right, up, and towards the viewer.
 
-    The eye is before the upright plane with the most points, on the side with more points, a
-    little aside and above, so that ground, side walls and roofs are seen too.
+    The eye is before the upright plane with the most points, on the side of the street, a little
+    aside and above, so that ground, side walls and roofs are seen too.
 
     Parameters
     ----------
@@ -61,15 +60,31 @@ def oblique(cloud: PointCloud, planes: str) -> PointCloud | None:
     wall = _wall(xyz, cloud[planes])
     if wall is None:
         return None
-    normal, centre = wall
-    side = 1.0 if np.median((xyz - centre) @ normal) >= 0 else -1.0
-    heading = math.atan2(side * normal[1], side * normal[0]) + _ASIDE
+    normal = _to_the_street(xyz, *wall, cloud.metre)
+    heading = math.atan2(normal[1], normal[0]) + _ASIDE
     level = np.array([math.cos(heading), math.sin(heading), 0.0])
     right = np.array([-level[1], level[0], 0.0])
     eye = math.cos(_ABOVE) * level + [0.0, 0.0, math.sin(_ABOVE)]
     view = xyz @ np.array([right, np.cross(eye, right), eye]).T
     kept = {name: cloud[name] for name in cloud.names}
     return PointCloud(view - view.min(axis=0), kept, crs=cloud.crs, descriptions=cloud.descriptions)
+
+
+def _to_the_street(xyz: Floats, normal: Floats, centre: Floats, metre: float) -> Floats:
+    """The normal of a wall, towards the side from which it was seen.
+
+    A wall hides what is behind it, so more squares of ground before it hold points. Where nothing
+    is away from it, what is seen in its openings stands back.
+
+    Parameters
+    ----------
+    metre : length of one metre in the unit of the points
+    """
+    away, along = (xyz - centre) @ normal, xyz @ np.cross(normal, [0.0, 0.0, 1.0])
+    places = np.floor(np.column_stack([along, away]) / metre)
+    squares = np.unique(places[np.abs(away) > metre], axis=0)
+    before = np.sign(squares[:, 1] + 0.5).sum() if len(squares) else -away.mean()
+    return normal if before >= 0 else -normal
 
 
 def _wall(xyz: Floats, ids: NDArray[np.int64]) -> tuple[Floats, Floats] | None:

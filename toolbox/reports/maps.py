@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from toolbox import language
 from toolbox.data import Figure, PointCloud, Raster, Vector
 from toolbox.data.crs import (
     crs_conflict,
@@ -306,7 +307,7 @@ def _relative(bounds: Bounds, origin: tuple[int, int]) -> list[float]:
 
 def _caption(bases: Sequence[Any], names: Sequence[str], left_out: int) -> str:
     below = [name for name, _, _, _ in bases[:1]]
-    text = f"{'Map' if bases else 'Drawing'}: {', '.join([*names, *below])}"
+    text = f"{'Map' if bases else 'Drawing'}: {', '.join(map(language.label, [*names, *below]))}"
     return text + (
         f"; {left_out} features have no room on it, and are in the files" * bool(left_out)
     )

@@ -18,7 +18,7 @@ from toolbox.reports.counted import Cells
 from toolbox.reports.facts import chosen_settings, facts_of, layers_of
 from toolbox.reports.maps import DRAWING, maps_of
 from toolbox.reports.space import space_of
-from toolbox.reports.units import in_unit, unit_of_data
+from toolbox.reports.units import drawn_in, in_both, in_unit, unit_of_data
 
 if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
@@ -82,7 +82,7 @@ def page(
         *_counted(spec, layers, told),
         *(in_order(plots) or _pictures(found, spec)),
         *own,
-        *_charts(found, spec),
+        *_charts(found, spec, unit),
         *(
             section
             for name, layer in layers.items()
@@ -105,6 +105,7 @@ def said(
     A report among the results sums up all of them; else the steps say theirs one by one. What a
     warning says is not said once more.
     """
+    unit = unit_of_data(layers_of(told.given, found))
     reports = [value for value in found.values() if isinstance(value, Report)]
     summaries = [report.summary for report in reports if report.summary]
     rasters = counted.in_words(spec, _cells(found, told), told.files) if spec.between else ""
@@ -116,9 +117,9 @@ def said(
         *told.unseen,
         *(text for report in reports for text in report.head.unseen),
     ]
-    head = _head(facts_of(spec, found, record, told.given), told.warnings, unseen)
+    head = _head(facts_of(spec, found, record, told.given), told.warnings, unseen, unit)
     warned = {text.rstrip(".").casefold() for text in head.warnings}
-    lines = summary.splitlines()
+    lines = [in_both(line, unit) for line in summary.splitlines()]
     return "\n".join(line for line in lines if line.rstrip(".").casefold() not in warned), head
 
 
@@ -127,11 +128,15 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
 
     It is the same whether the run was in tiles or not, as it shows none of the other results.
     """
-    facts = facts_of(spec, {}, record, {})
-    head = _head(facts, told.warnings if told else (), report.head.unseen)
+    facts, unit = (
+        facts_of(spec, {}, record, {}),
+        unit_of_data(layers_of(told.given if told else {}, {})),
+    )
+    head = _head(facts, told.warnings if told else (), report.head.unseen, unit)
     sections = [*report.sections, *_settings(spec, record), *_made(spec, record)]
-    shown = in_unit(sections, unit_of_data(layers_of(told.given if told else {}, {})))
-    return Report(report.title, shown, summary=report.summary, head=head, name=report.name)
+    summary = "\n".join(in_both(line, unit) for line in report.summary.splitlines())
+    shown = in_unit(sections, unit)
+    return Report(report.title, shown, summary=summary, head=head, name=report.name)
 
 
 def in_order(plots: Sequence[Section]) -> list[Section]:
@@ -146,12 +151,18 @@ def in_order(plots: Sequence[Section]) -> list[Section]:
     return list(plots)
 
 
-def _head(facts: Sequence[tuple[str, str]], warnings: Sequence[str], unseen: Sequence[str]) -> Head:
+def _head(
+    facts: Sequence[tuple[str, str]],
+    warnings: Sequence[str],
+    unseen: Sequence[str],
+    unit: Unit | None,
+) -> Head:
     """The head of a report; what a warning says is not said once more of what was not looked at."""
     warned = _once(warnings)
     begun = tuple(text.rstrip(".").casefold() for text in warned)
     others = [text for text in _once(unseen) if not text.casefold().startswith(begun)]
-    return Head(facts, warned, others)
+    said = [[in_both(text, unit) for text in texts] for texts in (warned, others)]
+    return Head(facts, said[0], said[1])
 
 
 def _once(texts: Sequence[str]) -> tuple[str, ...]:
@@ -238,13 +249,13 @@ def _pictures(found: Mapping[str, Any], spec: Spec) -> list[Section]:
     return [Section("Picture", [Figure(png(layers), names)])]
 
 
-def _charts(found: Mapping[str, Any], spec: Spec) -> list[Section]:
+def _charts(found: Mapping[str, Any], spec: Spec, unit: Unit | None) -> list[Section]:
     """The tables that are shown as charts."""
     charts = {n: s for n, s in drawable(found, spec.results).items() if isinstance(s[0], Table)}
     return [
         Section(
             f"Chart: {words.titled(spec.results[name])}",
-            [Figure(png({words.titled(spec.results[name]): shown}), help)],
+            [Figure(png({words.titled(spec.results[name]): drawn_in(*shown, unit)}), help)],
         )
         for name, shown in charts.items()
         for help in [spec.results[name].help if name in spec.results else name]

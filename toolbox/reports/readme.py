@@ -87,12 +87,12 @@ def readme(
     """
     title = str(head.get("title") or spec.title)
     own = {"Client": head.get("client"), **head.get("fields", {}), "Date": head.get("date")}
-    facts = [(name, str(text)) for name, text in own.items() if text]
+    project = [(language.told(name), str(text)) for name, text in own.items() if text]
     given = {name: value for name, value in found.items() if name in spec.outputs}
     summary, known = said(spec, given, record, told)
-    facts = [(language.told(name), text) for name, text in [*facts, *known.facts]]
+    facts = [(language.told(name), language.for_people(text)) for name, text in known.facts]
     there = [entry for entry in entries if not entry.left_out]
-    lines = [*_underlined(title, "=")[1:], "", *_pairs(facts)]
+    lines = [*_underlined(title, "=")[1:], "", *_pairs([*project, *facts])]
     lines += _section("Result", [summary])
     lines += _section("Warnings", known.warnings)
     lines += _section("Not looked at", known.unseen)
@@ -111,8 +111,7 @@ def readme(
     return "\n".join(lines) + "\n"
 
 
-def _pairs(pairs: Iterable[tuple[str, str]]) -> Iterator[str]:
-    pairs = [(name, language.told(text)) for name, text in pairs]
+def _pairs(pairs: Sequence[tuple[str, str]]) -> Iterator[str]:
     width = max((len(name) for name, _ in pairs), default=0) + 2
     for name, text in pairs:
         indent = " " * width
@@ -127,7 +126,7 @@ def _section(title: str, texts: Iterable[str]) -> list[str]:
         line
         for text in said
         for line in textwrap.wrap(
-            sentence(language.told(text)), _WIDTH, initial_indent="- ", subsequent_indent="  "
+            sentence(language.for_people(text)), _WIDTH, initial_indent="- ", subsequent_indent="  "
         )
     ]
     return [*_underlined(title), *made] if made else []

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toolbox import language
 from toolbox.data import Figure, PointCloud, Raster, Vector
 from toolbox.data.crs import crs_conflict, is_local, short_height_unit
 from toolbox.data.layer import Layer
@@ -91,7 +92,8 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
         "lines": [_line_json(item) for item in items if item.kind in ("lines", "marks")],
         "meshes": [_mesh_json(item) for item in items if item.kind == "areas"],
     }
-    names = ", ".join(dict.fromkeys(item.name.removesuffix(FILLED) for item in items))
+    found = dict.fromkeys(item.name.removesuffix(FILLED) for item in items)
+    names = ", ".join(map(language.label, found))
     origin = ", ".join(f"{value:.0f}" for value in scene.origin)
     shown_points = sum(len(item.xyz) for item in items if item.kind == "points")
     caption = f"View in space: {names}. {shown_points} points are shown; lengths from {origin}"

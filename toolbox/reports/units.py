@@ -1,17 +1,21 @@
-"""Tables of reports in the unit of the data, where that is not the metre."""
+"""Tables, charts and texts of reports in the unit of the data, where that is not the metre."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from toolbox import language
 from toolbox.data import Rows, Section, Table
-from toolbox.data.crs import Unit, unit_of_lengths
+from toolbox.data.crs import Unit, own_unit, unit_of_lengths
 from toolbox.data.measures import UNIT, VALUE, unit_column
 from toolbox.data.report import Block, Column, column_of
+from toolbox.declare.show import Axis, Curve, Show
+from toolbox.pictures.draw import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
 _POWERS = {"m": 1, "m2": 2, "m²": 2, "m3": 3, "m³": 3, "1/m2": -2, "1/m²": -2}
 _RAISED = {1: "{}", 2: "{}²", 3: "{}³", -2: "1/{}²"}
 _MORE = {-2: 1}  # digits that densities need in feet, of which there are ten to the square metre
+_SAID = r"(?<![\w.,:/])(\d+(?:\.\d+)?) (m[23²³]?)(?![\w/²³])"  # a size in metres in a text
 _IN_METRES = "_m"  # end of the name of a column that holds in metres what another does
 
 
@@ -46,6 +51,61 @@ def converted(value: Any, unit: str, own: Unit | None) -> tuple[Any, str]:
     return float(value) / own[1] ** power, _RAISED[power].format(own[0])
 
 
+def in_both(text: str, own: Unit | None) -> str:
+    """A text in the language of the user, its sizes in the unit of the data in brackets, too.
+
+    Examples
+    --------
+    >>> in_both("216 of 491 m of its outline of 20 m2 (215 ft²)", ("ft", 0.3048))
+    '216 of 491 m (1611 ft) of its outline of 20 m2 (215 ft²)'
+    """
+    if own is None:
+        return text
+    alone = rf"{_SAID}(?! \([-\d.]+[ /]*{re.escape(own[0])})"
+    return re.sub(
+        alone,
+        lambda found: found[0] + own_unit(float(found[1]), own, _POWERS[found[2]]),
+        language.told(text),
+    )
+
+
+def drawn_in(table: Table, shows: Sequence[Show], own: Unit | None) -> Shown:
+    """A table and how it is drawn, in the unit of the data."""
+    if own is None:
+        return table, tuple(shows)
+    if _is_in_metres(table.frame):
+        table = Table(_from_metres(table.frame, own))
+    return table, tuple(_axes(show, own) for show in shows)
+
+
+def _axes(show: Show, own: Unit) -> Show:
+    if not isinstance(show, Curve):
+        return show
+    lines = tuple(_axis(axis, own) for axis in show.lines)
+    return replace(show, over=_axis(show.over, own), lines=lines)
+
+
+def _axis(axis: Axis, own: Unit) -> Axis:
+    factor, unit = (0.01, "m") if axis.unit == "cm" else (1.0, axis.unit)
+    power = _POWERS.get(unit)
+    if power is None:
+        return axis
+    unit = _RAISED[power].format(own[0])
+    return replace(axis, unit=unit, factor=axis.factor * factor / own[1] ** power)
+
+
+def _is_in_metres(frame: pd.DataFrame) -> bool:
+    """Whether a table states in each row that its lengths are in metres, as bins of errors do."""
+    return UNIT in frame and bool((frame[UNIT] == "m").all())
+
+
+def _from_metres(frame: pd.DataFrame, own: Unit) -> pd.DataFrame:
+    """Such a table in another unit."""
+    name, metres = own
+    lengths = {n: v / metres for n, v in frame.items() if v.dtype.kind == "f"}
+    return frame.assign(**{str(n): v for n, v in lengths.items()}, **{UNIT: name})
+
+
 def in_unit(sections: Sequence[Section], own: Unit | None) -> list[Section]:
     """Sections with their tables in the unit of the data; as they are for data in metres."""
     if own is None:
@@ -66,6 +126,8 @@ def _block(block: Block, own: Unit) -> Block:
     frame = block.table.frame
     if (units := unit_column(frame)) is not None:
         return replace(block, table=Table(_measures(frame, units, own)))
+    if _is_in_metres(frame):
+        return replace(block, table=Table(_from_metres(frame, own)))
     columns = dict(block.columns) | dict(_columns(frame, block.columns, own))
     declared = block.columns.keys() & set(frame)  # people's own names may mean anything
     twice = [str(name) for name in frame if f"{name}{_IN_METRES}" in declared]

@@ -154,9 +154,9 @@ def generic(spec: Spec, found: Mapping[str, Any]) -> str:
             continue
         text, unit = result_text(value, field.unit, field.help)
         help = language.text(field.help)
-        help = f"{help[:1].lower()}{help[1:]}" if help == field.help else help
+        help = language.uncapitalised(help) if help == field.help else help
         parts.append(f"{help}: {text} {unit}".rstrip())
     if not parts:
         return f"{spec.title}: the results are on the map and in the tables below."
     said = "; ".join(parts)
-    return f"{said[:1].upper()}{said[1:]}."
+    return f"{language.capitalised(said)}."

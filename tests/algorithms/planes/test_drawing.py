@@ -73,11 +73,15 @@ def test_what_nobody_told_stays_an_empty_field(tmp_path: Path) -> None:
 
 
 def test_a_set_in_another_language_has_its_title_block_in_it() -> None:
-    found = PlanesDrawing(elevation=elevation(), unit="mm", number="B-2").run()
+    found = PlanesDrawing(elevation=elevation(), unit="m", number="2.5").run()
     with language.speaking("tr"):
-        said = texts(found.drawing.with_head({"title": "Client"}).frame, "title")
-    assert {"Proje", "Ölçek", "B-2", "Kaynak"} <= set(said)
-    assert "Client" in said, "what people have called it stays"
+        drawn = found.drawing.with_head({"title": "Client"}).frame
+    said = texts(drawn, "title")
+    assert {"Proje", "Ölçek", "Kaynak"} <= set(said)
+    assert {"Client", "2.5"} <= set(said), "what people have called it stays"
+    numbers = [*texts(drawn, "dimensions"), *texts(drawn, "levels")]
+    assert any("," in text for text in numbers)
+    assert not any("." in text for text in numbers)
     assert not {"Project", "Scale", "Source"} & set(said)
 
 

@@ -220,7 +220,7 @@ def test_every_colour_has_a_name() -> None:
 def test_a_line_with_a_text_is_a_dimension(tmp_path: Path) -> None:
     """Dimensions were lines and texts, which nobody can stretch or edit in CAD."""
     frame = geopandas.GeoDataFrame(
-        {"layer": ["dimensions"] * 2, "text": ["3.00", "4.000"], "text_height": [0.25] * 2},
+        {"layer": ["dimensions"] * 2, "text": ["3.00", "4,000"], "text_height": [0.25] * 2},
         geometry=[shapely.LineString([(1, 2), (4, 2)]), shapely.LineString([(0, 0), (0, 4)])],
     )
     dxf.write(frame, tmp_path / "a.dxf", "a")
@@ -229,7 +229,7 @@ def test_a_line_with_a_text_is_a_dimension(tmp_path: Path) -> None:
     assert [one.get_measurement() for one in (across, up)] == pytest.approx([3.0, 4.0])
     written = [one.virtual_entities() for one in (across, up)]
     said = [[e.text for e in drawn if e.dxftype() == "MTEXT"] for drawn in written]
-    assert said == [["3.00"], ["4.000"]], "with the decimals of the text"
+    assert said == [["3.00"], ["4,000"]], "with the decimals of the text"
     blocks = [one.get_geometry_block() for one in (across, up)]
     layers = {part.dxf.layer for block in blocks for part in block}
     assert layers == {"dimensions", "Defpoints"}, "viewers draw what is on layer 0 black"

@@ -20,6 +20,7 @@ from pyproj import CRS
 from scenes import layers
 
 from algorithms.planes.sweep import PlanesSweep
+from toolbox import language
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.declare import show
@@ -36,7 +37,8 @@ from toolbox.pictures.images import (
     point_key,
     raster_image,
 )
-from toolbox.pictures.maps import _EMPTY
+from toolbox.pictures.maps import _EMPTY, say
+from toolbox.pictures.oblique import direction_of
 
 LAMBERT = CRS(2154)
 raster = functools.partial(layers.raster, west=100.0, north=200.0, crs=LAMBERT)
@@ -242,6 +244,36 @@ def test_same_bytes_on_every_run_and_no_date_in_the_file(tmp_path: Path) -> None
     content = (tmp_path / "a.png").read_bytes()
     assert content == (tmp_path / "b.png").read_bytes()
     assert not any(word in content for word in (b"Software", b"tEXt", b"tIME", b"Date"))
+
+
+@pytest.mark.parametrize("street", [False, True])
+def test_a_wall_is_seen_from_the_street(street: bool) -> None:
+    """A front with wide shop windows was shown from inside, as most points stood back in them."""
+    along, up = (a.ravel() for a in np.mgrid[0:10:0.25, 0:6:0.25])
+    inside = (along % 3 > 1) & (up > 1)
+    xyz = np.column_stack([along, np.where(inside, 0.2, 0.0), up])
+    if street:
+        ground = np.column_stack([along, -1 - up, np.zeros(len(along))])
+        room = np.column_stack([along, np.full(len(along), 2.5), up])
+        xyz = np.concatenate([xyz, ground, room])
+    ids = (np.abs(xyz[:, 1]) < 0.1).astype(np.int32)
+    assert direction_of(PointCloud(xyz, {"plane_id": ids}), "plane_id")[1] < -0.8
+
+
+def test_ticks_have_the_decimal_sign_of_the_user_and_names_their_points() -> None:
+    """A Turkish picture of a front had ticks at 2.5, and its legend 2,5."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    numbers, names = figure.subplots(1, 2)
+    numbers.set(xlim=(0, 10), xticks=[0, 2.5])
+    names.set_xticks([0, 1], ["tree", "Plot 2.5"])
+    with language.speaking("tr"):
+        say(figure)
+        found = [[tick.get_text() for tick in axes.get_xticklabels()] for axes in (numbers, names)]
+    assert found == [["0,0", "2,5"], ["ağaç", "Plot 2.5"]]
 
 
 @pytest.mark.slow

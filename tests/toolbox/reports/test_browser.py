@@ -18,6 +18,7 @@ import shapely
 from scenes.browser import CHROMIUM, IN_A_BROWSER, WEBGL
 
 import toolbox
+from toolbox import language
 from toolbox.data import PointCloud, Report, Rows, Section, Table, Vector
 from toolbox.data.crs import parse_crs
 
@@ -125,6 +126,18 @@ def test_tables_sort_and_unfold(pages: dict[str, Path], driver: Any) -> None:
             numbers = [float(text) for text in texts]
             assert numbers == sorted(numbers, reverse=order == "descending")
             assert table.locator("th").nth(column).get_attribute("aria-sort") == order
+
+
+def test_a_page_with_decimal_commas_sorts_its_numbers(driver: Any, tmp_path: Path) -> None:
+    values = [2.61, 2.05, 10.5, 2.4]
+    rows = Rows(Table.from_rows([{"width": value} for value in values]))
+    with language.speaking("tr"):
+        (tmp_path / "a.html").write_text(Report("A", [Section("B", [rows])]).html(), "utf-8")
+    with Opened(driver, tmp_path / "a.html") as opened:
+        opened.page.locator("th button").click()
+        texts = opened.page.locator("tbody td").all_inner_texts()
+    assert [float(text.replace(",", ".")) for text in texts] == sorted(values)
+    assert all("," in text for text in texts)
 
 
 def test_the_map_answers_clicks_and_shows_what_a_row_links_to(

@@ -1,4 +1,4 @@
-"""Tables of reports of data in feet are in feet."""
+"""Tables, charts and texts of reports of data in feet are in feet, too."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import pandas as pd
 import pytest
 from pyproj import CRS
 
-from toolbox import catalog
+from toolbox import catalog, language
 from toolbox.data import PointCloud, Rows, Section, Table
 from toolbox.data.reading import Reading
 from toolbox.data.report import Column
+from toolbox.declare.show import Axis, Curve, Histogram
 from toolbox.reports.facts import chosen_settings
 from toolbox.reports.page import Told, page
-from toolbox.reports.units import in_unit, unit_of_data
+from toolbox.reports.units import drawn_in, in_both, in_unit, unit_of_data
 from toolbox.runs.lineage import record_of
 
 FOOT = ("ft", 0.3048)
@@ -53,6 +54,58 @@ def test_measures_have_the_unit_of_their_row_and_settings_stay() -> None:
     assert cells == [["bias", "1.000", "ft"], ["count", "7", ""], ["share", "50.00", "%"]]
     settings = pd.DataFrame({"setting": ["cell"], "value": ["1"], "unit": ["m"]})
     assert shown(settings)[1] == [["cell", "1", "m"]]
+
+
+def test_bins_that_say_metres_and_their_bars_are_in_feet() -> None:
+    frame = pd.DataFrame({"low": [0.0], "high": [0.3048], "count": [7], "unit": ["m"]})
+    _, cells = shown(frame)
+    assert [float(text) for text in cells[0][:3]] == [0.0, 1.0, 7.0]
+    assert cells[0][3] == "ft"
+    table, _ = drawn_in(Table(frame), [Histogram("low", "high", "count", "unit")], FOOT)
+    assert table.frame["high"].tolist() == [1.0]
+    assert drawn_in(Table(frame), [], None)[0].frame["high"].tolist() == [0.3048]
+
+
+@pytest.mark.parametrize(
+    ("axis", "unit", "factor"),
+    [
+        (Axis("volume", "volume", "m³"), "ft³", 0.3048**-3),
+        (Axis("tolerance", "tolerance", "cm", factor=100), "ft", 1 / 0.3048),
+        (Axis("level", "level", unit_in="unit"), "", 1.0),
+        (Axis("share", "share", "%"), "%", 1.0),
+    ],
+)
+def test_axes_of_curves_are_in_feet(axis: Axis, unit: str, factor: float) -> None:
+    table = Table(pd.DataFrame({"level": [1.0]}))
+    _, (made,) = drawn_in(table, [Curve(Axis("level", "level"), (axis,))], FOOT)
+    assert isinstance(made, Curve)
+    assert made.lines[0].unit == unit
+    assert made.lines[0].factor == pytest.approx(factor)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("waves of 0.10 m", "waves of 0.10 m (0.328 ft)"),
+        ("about 100 m2 at 5,7.5: level", "about 100 m2 (1076 ft²) at 5,7.5: level"),
+        ("holds 28.3 m3.", "holds 28.3 m3 (999 ft³)."),
+        ("0.68 m (2.23 ft) apart, 2 m/s", "0.68 m (2.23 ft) apart, 2 m/s"),
+        ("2.2 per m2 (0.201/ft²)", "2.2 per m2 (0.201/ft²)"),
+        ("0.40 m (95 %)", "0.40 m (1.31 ft) (95 %)"),
+    ],
+)
+def test_sizes_in_texts_are_told_in_both_units_once(text: str, said: str) -> None:
+    assert in_both(text, FOOT) == said
+    assert in_both(text, None) == text
+
+
+def test_texts_in_both_units_are_in_the_language_of_the_user() -> None:
+    text = "water body 3: 51 of 265 m of its outline is the edge of the data, not a shore"
+    with language.speaking("tr"):
+        said = in_both(text, FOOT)
+        assert said != text
+        assert "265 m (869 ft)" in said
+        assert language.told(said) == said
 
 
 def test_a_height_in_feet_is_shown_once() -> None:

@@ -326,11 +326,13 @@ class Head:
 
     Attributes
     ----------
-    facts : such as ("Client", "City of Delft"), in the order of reading
+    facts : such as ("Coordinates", "local"), in the order of reading
     warnings : of the run
     unseen : what was not looked at
+    project : facts that stand above these as they were given, such as ("Client", "City of Delft")
     """
 
     facts: Sequence[tuple[str, str]] = ()
     warnings: Sequence[str] = ()
     unseen: Sequence[str] = ()
+    project: Sequence[tuple[str, str]] = ()

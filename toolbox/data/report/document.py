@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from types import MappingProxyType
@@ -113,8 +114,8 @@ class Report(Layer):
     ) -> Report:
         """The same report with the title and the facts of a project in its head."""
         own = {"Client": client, **(fields or {}), "Date of the report": date}
-        facts = [(name, text) for name, text in own.items() if text]
-        head = Head([*facts, *self.head.facts], self.head.warnings, self.head.unseen)
+        project = [(name, text) for name, text in own.items() if text]
+        head = replace(self.head, project=[*project, *self.head.project])
         title = title or self.title
         return Report(title, self.sections, summary=self.summary, head=head, name=self.name)
 

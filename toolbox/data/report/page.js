@@ -3,6 +3,7 @@
 "use strict";
 (() => {
   const words = JSON.parse(document.getElementById("words")?.textContent ?? "{}"), word = (text) => words[text] ?? text;
+  const comma = document.documentElement.lang !== "en", decimals = (text) => comma ? `${text}`.replace(".", ",") : text;
   document.documentElement.classList.add("js");
   const make = (tag, set = {}, ...inside) => {
     const made = Object.assign(document.createElement(tag), set);
@@ -13,7 +14,7 @@
   // Tables -------------------------------------------------------------------------------------
   const value = (row, column, number) => {
     const text = row.cells[column].textContent.trim();
-    return number ? (text === "" ? NaN : parseFloat(text)) : text;
+    return number ? (text === "" ? NaN : parseFloat(text.replace(",", "."))) : text;
   };
   const sort = (table, column, head) => {
     const up = head.getAttribute("aria-sort") !== "ascending", number = head.classList.contains("number");
@@ -155,7 +156,7 @@
     if (traces.length === 1) traces.unshift({ type: "scatter", x: [data.x0 + west, data.x0 + east], y: [data.y0 + south, data.y0 + north], mode: "none", showlegend: false, hoverinfo: "skip" });
     const phone = innerWidth < 640;
     const layout = {
-      font: FONT, dragmode: "pan", margin: { l: phone ? 8 : 58, r: 8, t: 8, b: phone ? 8 : 38 }, paper_bgcolor: "#fff", plot_bgcolor: "#e9edf1", images: image(data.bases[0]),
+      font: FONT, separators: comma ? ",." : ".,", dragmode: "pan", margin: { l: phone ? 8 : 58, r: 8, t: 8, b: phone ? 8 : 38 }, paper_bgcolor: "#fff", plot_bgcolor: "#e9edf1", images: image(data.bases[0]),
       xaxis: { ...axis, visible: !phone, range: [data.x0 + west, data.x0 + east], title: { text: data.axes[0], font: { size: 11 } } },
       yaxis: { ...axis, visible: !phone, range: [data.y0 + south, data.y0 + north], scaleanchor: "x", title: { text: data.axes[1], font: { size: 11 } }, tickangle: -90 },
       legend: phone ? { orientation: "h", y: -0.02, yanchor: "top" } : { bgcolor: "#ffffffd8", x: 1, xanchor: "right", y: 1, groupclick: "toggleitem" },
@@ -198,7 +199,7 @@
       pointer.style.right = `${size.r + 10}px`;
       const pixel = (x.range[1] - x.range[0]) / x._length, [unit, own] = data.length, long = round(pixel * 140 / own), bar = make("span");
       bar.style.width = `${long * own / pixel}px`;
-      length.replaceChildren(unit !== "m" ? `${+long.toPrecision(3)} ${unit}` : long >= 1000 ? `${long / 1000} km` : long >= 1 ? `${long} m` : `${+(long * 100).toPrecision(3)} cm`, bar);
+      length.replaceChildren(decimals(unit !== "m" ? `${+long.toPrecision(3)} ${unit}` : long >= 1000 ? `${long / 1000} km` : long >= 1 ? `${long} m` : `${+(long * 100).toPrecision(3)} cm`), bar);
     };
     if (data.length) { whole.append(length); canvas.on("plotly_afterplot", place); place(); }
     if (data.north) whole.append(pointer);
@@ -288,7 +289,7 @@
     const first = data.eye, axis = { title: { text: "" }, showbackground: false, showspikes: false, tickfont: { size: 10 }, nticks: 5 };
     const phone = innerWidth < 640;
     const layout = {
-      font: FONT, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#f4f6f8", uirevision: 1,
+      font: FONT, separators: comma ? ",." : ".,", margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#f4f6f8", uirevision: 1,
       scene: { aspectmode: "data", dragmode: "turntable", camera: { eye: first, up: { x: 0, y: 0, z: 1 } }, xaxis: { ...axis, title: { text: data.axes[0] } }, yaxis: { ...axis, title: { text: data.axes[1] } }, zaxis: { ...axis, title: { text: data.axes[2] } } },
       legend: phone ? { itemsizing: "constant", orientation: "h", x: 0, y: -0.02, yanchor: "top", maxheight: 0.3 } : { bgcolor: "#ffffffd8", itemsizing: "constant", x: 1, xanchor: "right", y: 1 },
     };
@@ -315,7 +316,7 @@
       const named = rows[point.curveNumber], row = named && document.getElementById(`${named[0]}-${named[1][point.pointNumber]}`);
       if (row) choose(row, asked);
       else {
-        asked.replaceChildren(`${point.data.name}: ${["x", "y", "z"].map((side, k) => (data.origin[k] + point[side]).toFixed(2)).join(", ")}`);
+        asked.replaceChildren(`${point.data.name}: ${["x", "y", "z"].map((side, k) => (data.origin[k] + point[side]).toFixed(2)).map(decimals).join(comma ? "; " : ", ")}`);
         asked.hidden = false;
       }
     });

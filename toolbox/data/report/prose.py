@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from toolbox import language
+
 _OF_INPUT = re.compile(r"[a-z_]+: (?=\w)")
 _RAISED = re.compile(r"(?<![\w/.])(m|ft|km)([23])(?!\w)|(?<=/)(m|ft)([23])(?!\w)")
 _FIGURES = {"2": "²", "3": "³"}
@@ -24,7 +26,7 @@ def sentence(text: str) -> str:
     if found := _OF_INPUT.match(text):
         text = text[found.end() :]
     first = text.split(maxsplit=1)[0].rstrip(":,") if text else ""
-    text = text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text
+    text = language.capitalised(text) if first.isalpha() and first.islower() else text
     return raised(text)
 
 

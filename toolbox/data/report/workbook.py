@@ -77,13 +77,16 @@ def _for_paper(sheet: Worksheet) -> None:
 
 def _head(report: Report) -> Iterator[tuple[str, ...]]:
     yield language.told(report.title), ""
-    yield from ((language.told(name), language.told(text)) for name, text in report.head.facts)
+    yield from ((language.told(name), text) for name, text in report.head.project)
+    yield from (
+        (language.told(name), language.for_people(text)) for name, text in report.head.facts
+    )
     for name, texts in (
         ("Result", report.summary.splitlines()),
         ("Warning", report.head.warnings),
         ("Not looked at", report.head.unseen),
     ):
-        yield from ((language.told(name), sentence(language.told(text))) for text in texts)
+        yield from ((language.told(name), sentence(language.for_people(text))) for text in texts)
 
 
 def _tables(report: Report) -> Iterator[tuple[str, Rows]]:

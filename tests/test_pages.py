@@ -108,6 +108,19 @@ def test_the_page_on_qgis_calls_tools_and_boxes_as_qgis_does(
         described = catalog.describe(by_title[title])
         known = {text(one["title"]) for k in ("inputs", "outputs") for one in described[k].values()}
         assert {name for box in boxes for name in ITALIC.findall(box)} <= known
+    steps = page.read_text("utf-8").partition("\n## ")[2]
+    described = [catalog.describe(id) for id in by_title.values()]
+    known = {
+        text(f["title"])
+        for one in described
+        for k in ("inputs", "outputs")
+        for f in one[k].values()
+    }
+    of_qgis = {"Folder to hand over", "Tile size", "Advanced Parameters"}
+    of_qgis |= {text("Folder to hand over"), "Karo boyutu", "Gelişmiş Parametreler"}
+    named = {" ".join(name.split()) for name in re.findall(r"(?<!\*)\*([^*]+)\*(?!\*)", steps)}
+    assert len(named) > 10
+    assert named <= known | by_title.keys() | of_qgis, named - known - by_title.keys() - of_qgis
 
 
 WITH_PYTHON = [

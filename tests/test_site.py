@@ -36,6 +36,12 @@ RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"
 OF_THE_THEME = {"page-has-heading-one"}  # its search page has none; no rule of WCAG
 VIEWS = {"desktop, light": (1200, "light"), "phone, dark": (360, "dark")}
 
+# How far it moves where a table is pulled.
+FIRST_COLUMN = """[...document.querySelectorAll('table.docutils')].map(one => {
+    one.scrollLeft = 9999;
+    const cell = one.querySelector('tbody tr > *').getBoundingClientRect();
+    return Math.round(cell.left - one.getBoundingClientRect().left); })"""
+
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -72,6 +78,8 @@ def test_pages_are_accessible_and_fit_the_screen(view: str, site: Path, browser:
         beyond = page.evaluate("document.documentElement.scrollWidth - innerWidth")
         if beyond > 0:
             wrong.append((name, "wider than the screen by", beyond))
+        moved = page.evaluate(FIRST_COLUMN) if width < 700 else []
+        wrong += [(name, "its first column moves by", by) for by in moved if abs(by) >= 1]
         page.close()
     assert not wrong
 

@@ -624,6 +624,8 @@ def play_model_in_the_designer() -> Play:
     assert model.fromFile(SAYS["model"])
     model.setProvider(QgsApplication.processingRegistry().providerById("model"))
     looked: list[list[str]] = []
+    red = {name: model.validateChildAlgorithm(name) for name in model.childAlgorithms()}
+    assert all(valid for valid, _ in red.values()), red
     for name in model.childAlgorithms():
         child = model.childAlgorithm(name)
         dialog = ModelerParametersDialog(child.algorithm(), model, name)

@@ -156,7 +156,7 @@ class _ToQgis:
             self.problems[step.name] = f"runs the model file {id}, which QGIS does not have"
         foreign = id.startswith(catalog.QGIS)
         params = {}
-        for name, value in step.settings.items():
+        for name, value in {**self._defaults(step), **step.settings}.items():
             plain = self._plain(step, name, value)
             params[name.upper()] = [{"source": CONSTANT, "static_value": plain}]
         for name, link in step.links.items():
@@ -173,6 +173,14 @@ class _ToQgis:
             "dependencies": [],
             "outputs": {},
         }
+
+    @staticmethod
+    def _defaults(step: Step) -> dict[str, Any]:
+        """The defaults of a tool of ours: the designer draws a step red that says none of them."""
+        if step.spec.id.startswith(catalog.QGIS):
+            return {}
+        params = {name: f for name, f in step.spec.inputs.items() if f.role == "param"}
+        return {n: f.default for n, f in params.items() if not (f.required or f.default is None)}
 
     def _column(self, name: str) -> int:
         """The column of a step on the canvas: right of all steps that it needs."""

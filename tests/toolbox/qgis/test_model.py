@@ -203,6 +203,17 @@ def test_points_as_layers_or_files() -> None:
     assert says["children"]["heights"]["outputs"]["NDSM"]["mandatory"] is False
 
 
+def test_steps_say_their_defaults_or_the_designer_draws_them_red() -> None:
+    model = catalog.load("models.terrain")
+    assert isinstance(model, Model)
+    says = model3.value(to_qgis(model)[0])
+    step = says["children"]["ground"]["params"]
+    assert step["RETURNS"] == [{"source": 2, "static_value": "last"}]
+    for f in catalog.load("ground.classify").inputs.values():
+        stated = f.role != "param" or f.required or f.default is None or f.name.upper() in step
+        assert stated, f.name
+
+
 def test_repeated_steps_are_refused(tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / "p.yaml"
     path.write_text(

@@ -96,6 +96,22 @@ class Opened:
         return figure
 
 
+def test_on_a_phone_the_first_column_stays_beside_what_is_pulled(
+    pages: dict[str, Path], driver: Any
+) -> None:
+    """Numbers of a wide table had been pulled away from what they are about."""
+    with Opened(driver, pages["areas"], width=360) as opened:
+        assert opened.page.evaluate("document.documentElement.scrollWidth") == 360
+        pulled = opened.page.evaluate(
+            "[...document.querySelectorAll('.scroll')].map(one => { one.scrollLeft = 9999;"
+            "const cell = one.querySelector('tbody tr > *').getBoundingClientRect();"
+            "return [one.scrollLeft, cell.left - one.getBoundingClientRect().left, cell.width]; })"
+        )
+        wide = [place for place in pulled if place[0] > 0]
+        assert wide
+        assert all(abs(left) < 1 and 40 < width < 0.5 * 360 for _, left, width in wide), wide
+
+
 @pytest.mark.parametrize("name", ["areas", "planes", "grid", "info"])
 def test_pages_ask_for_nothing_and_report_no_error(
     name: str, pages: dict[str, Path], driver: Any

@@ -30,7 +30,7 @@ from toolbox.data.layer import Inside, Layer
 from toolbox.data.survey import Survey
 from toolbox.declare.values import Share
 from toolbox.errors import NothingToDo
-from toolbox.models.model import INPUTS, Model, ModelRun
+from toolbox.models.model import INPUTS, Model, ModelRun, references
 from toolbox.reports.page import told_by
 from toolbox.runs.lineage import counted
 from toolbox.runs.provenance import Count
@@ -160,13 +160,13 @@ def run_tile(job: TileJob, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
     if path.exists():
         return Result.from_json(tile_store.load_json(path / "result.json"))
     model = job.model
-    needs = {need for name in job.steps for need in model.steps[name].needs}
+    pieces = {name: _earlier(job, tile, made_in, name) for name, made_in in job.before.items()}
+    needs = _needs(job, {**job.given, **pieces})
     clouds = {
         name: _gathered(job, name, tile, blocks)
         for name in job.surveys
         if f"{INPUTS}.{name}" in needs
     }
-    pieces = {name: _earlier(job, tile, made_in, name) for name, made_in in job.before.items()}
     first = clouds.get(job.first, next((c for c in pieces.values() if c is not None), None))
     with _said() as said, tile_store.whole(path) as draft:
         values = dict.fromkeys(model.sources) | dict(job.settings) | job.layers | clouds
@@ -185,6 +185,16 @@ def run_tile(job: TileJob, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
 
 def name_of(tile: Tile) -> str:
     return f"{tile[0]}_{tile[1]}"
+
+
+def _needs(job: TileJob, found: Mapping[str, Any]) -> set[str]:
+    """What the steps of a pass refer to, but for what stands in for a result that is there."""
+    needs: set[str] = set()
+    links = [link for name in job.steps for link in job.model.steps[name].links.values()]
+    for reference in itertools.chain(*map(references, links)):
+        there = (k for k, name in enumerate(reference.names) if found.get(name) is not None)
+        needs.update(reference.names[: next(there, len(reference.names))])
+    return needs
 
 
 def _gathered(job: TileJob, source: str, tile: Tile, blocks: tuple[FileBlock, ...]) -> PointCloud:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from toolbox import PointCloud, Raster, catalog
 from toolbox.models.model import Model
 from toolbox.tiles.plan import APART, TilePlan
 from toolbox.tiles.tiling import Tiling
+from toolbox.tiles.work import _needs
 
 
 def plan(id: str, *targets: str, **settings: object) -> TilePlan:
@@ -71,6 +74,15 @@ def test_what_nobody_needs_any_more_is_known() -> None:
         {"clean.clean", "ground.classified", "ground.ground"},
     ]
     assert "ground.classified" not in plan("models.terrain", "classified", "dtm").spent(2)
+
+
+def test_what_stands_in_for_a_result_is_not_read() -> None:
+    """The ground takes the points of the survey only where no clean ones are."""
+    job: Any = SimpleNamespace(model=catalog.load("models.terrain"), steps=("ground",))
+    raw = "inputs.points"
+    assert raw not in _needs(job, {"clean.clean": PointCloud([[0, 0, 0]])})
+    assert raw in _needs(job, {"clean.clean": None})
+    assert raw in _needs(job, {})
 
 
 CHAIN = """

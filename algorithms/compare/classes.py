@@ -106,9 +106,8 @@ class CompareClasses:
     For ground filters `positive` names the class of interest, ground by default; points of all
     other classes count as objects. For labels where ground is 0, as in the ISPRS filter test, give
     `reference_positive` 0: where it shares no code with `positive`, and no map names the classes,
-    these are the only two. Type I is
-    the share of reference ground that was lost, Type II the share of reference objects that was
-    taken for ground. The first pair of limits in `table` is that of
+    these are the only two. Type I is the share of reference ground that was lost, Type II the share
+    of reference objects that was taken for ground. The first pair of limits in `table` is that of
     Wilson for shares, of Fleiss, Cohen and Everitt for kappa, which holds for independent points
     and is the least uncertainty; the second pair is that of the blocks.
 

@@ -8,7 +8,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from toolbox.heap import keep_memory
+from toolbox.allocation import keep_memory
 
 # A GIS that starts us may point these at its own libraries; our wheels carry their own data.
 for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):

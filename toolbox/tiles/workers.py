@@ -20,8 +20,8 @@ from typing import Any, Protocol
 
 import psutil
 
+from toolbox.allocation import keep_memory
 from toolbox.errors import DataError, ParameterError
-from toolbox.heap import keep_memory
 from toolbox.tiles.tiling import Tiling
 
 MEMORY_SHARE = 0.8  # of the memory of this computer, for all workers together

@@ -27,7 +27,9 @@ VARIABLES = ("TOOLBOX_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
 TOLD = "told.po"  # texts with values in them
 _VALUE = re.compile(r"\{\d+\}")
 _NAME = re.compile(r"[a-z_]+")
-_SHARE = re.compile(r"(?P<name>.+?)(?P<share> [\d.]+ %)?", re.DOTALL)  # of a list: "water 4.0 %"
+_SHARE = re.compile(  # of a list: "water 4.0 %", "40 critical", "tree 94"
+    r"(?P<before>\d+ )?(?P<name>.+?)(?P<share> [\d.]+ %|(?<=[a-z]) \d+)?", re.DOTALL
+)
 _PARTS = re.compile(r"(?<=[;:.]) +")
 _LONG = 40  # letters of a text by which it is known, whatever its values hold
 _SHORT = 8  # letters that many texts have, so that the first value must be a number
@@ -190,10 +192,15 @@ def _whole(code: str, text: str, ending: str) -> str | None:
     if text in exact and not (ending == ":" and _NAME.fullmatch(text)):
         return exact[text]
     parts = [_SHARE.fullmatch(part) for part in text.split(", ")]
-    names = [(part["name"], part["share"] or "") for part in parts if part]
-    known = all(name in exact or len(name) == 1 for name, _ in names)
-    several = len(names) == len(parts) and (names[1:] or names[0][1])
-    return ", ".join(exact.get(n, n) + s for n, s in names) if known and several else None
+    names = [[part[k] or "" for k in ("before", "name", "share")] for part in parts if part]
+    known = all(
+        len(name) == 1
+        or (name in exact and (name.islower() or not (before or share.strip().isdigit())))
+        for before, name, share in names  # with a number of their own, large letters are names
+    )
+    several = len(names) == len(parts) and (names[1:] or names[0][0] or names[0][2])
+    made = (before + exact.get(name, name) + share for before, name, share in names)
+    return ", ".join(made) if known and several else None
 
 
 def _filled(code: str, bare: str, ending: str) -> str | None:

@@ -67,7 +67,16 @@ COUNTS += [
     "place of about {1} m2 at {2},{3}",
 ]
 COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]
-SHORT = ["no rule", "not given", "near a wire", "the ground", "other objects", "another line"]
+SHORT = [
+    "no rule",
+    "as surveyed",
+    "below a wire",
+    "not given",
+    "near a wire",
+    "the ground",
+    "other objects",
+    "another line",
+]
 SHORT += ["trees", "buildings", "roads", "rails", "its level", "a spreadsheet", "few returns"]
 SHORT += ["of interest", "all others"]  # the classes of a comparison
 SHORT += ["a number", "unknown parameter", "unknown output", "well spread"]
@@ -78,7 +87,7 @@ SHORT += [name.lower() for name in CLASSES.values()]
 # Words in the columns that reports show.
 WORDS = "ground tree building water rail road line other tower pole conductor wire door window"
 WORDS += " critical watch falling plane shore island flat gable hip left right"
-WORDS += " recess behind reflectance outline grid none others"
+WORDS += " recess behind reflectance outline grid none others height span survey"
 WORDS += " bottom top unseen unclassified blocks all level dark raster vector table"
 FAULTS = ("AssertionError", "AttributeError", "TypeError")  # of code, told to who writes it
 PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")

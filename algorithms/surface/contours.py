@@ -209,8 +209,7 @@ class SurfaceContours:
         """Warn of lines that smoothing would have taken away with all of their level."""
         if kept := sum(len(self._long_enough(lines)) for lines in rough):
             log.warning(
-                "%d lines are those of the surface as it is: smoothing by up to %.4g m leaves no "
-                "line at their levels",
+                "%d lines are not smoothed: smoothing by up to %.4g m would leave none there",
                 kept,
                 self.tolerance / self.surface.metre,
             )

@@ -125,6 +125,9 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
             "kadarı boşluk. 2 şerit, ölçmenin % 30 kadarında örtüşüyor.",
         ),
         ("5 % are lower", "% 5 daha düşük"),
+        ("40 critical, 124 warning, 0 watch", "40 kritik, 124 uyarı, 0 izle"),
+        ("tree 94, unclassified 3", "ağaç 94, sınıflandırılmamış 3"),
+        ("Plot 2", "Plot 2"),  # as people have called it
         (
             "well spread: at least 20% of them belong in each quarter; fewest in the north-west",
             "iyi yayılmış: her çeyrekte en az 20% kadarı olmalı; en azı kuzeybatı yönünde",
@@ -253,6 +256,7 @@ def test_texts_are_written_in_one_piece() -> None:
     """A sentence that is put together of halves would be found by neither."""
     bare = [text for text in translations.pieces() if text.rstrip()[-1:] not in ";:."]
     assert not [text for text in bare if text.endswith(" ") and " " in text.strip()]
+    assert not [text for text in translations.pieces() if "\n" in text.strip()], "told by lines"
 
 
 def test_a_report_speaks_the_language_of_its_user(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -325,7 +325,7 @@ def _rest_text(line: LineStates, rest: AtRest, conductor: Conductor | None) -> s
         f"{text} At other times they may have from {told.lowest:g} to {told.highest:g} °C, so up "
         f"to {warmer:.0f} degrees more or {-colder:.0f} less than in the survey. Conductor: "
         f"{which}. A wire may hang up to {down:.2f} m lower or {up:.2f} m higher than it was "
-        "surveyed.\nThe clearances at other temperatures are the least and the greatest in that "
+        "surveyed. The clearances at other temperatures are the least and the greatest in that "
         "range: of an object from the wire with which it is listed, of a span from all that is "
         "near. The wind is that of the survey, and there is no ice. They are no standard "
         "deviation: nobody "

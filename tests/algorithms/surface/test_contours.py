@@ -195,7 +195,7 @@ def test_a_level_that_smoothing_would_empty_keeps_its_lines(
     rough = SurfaceContours(surface=ripple(), min_length=30.0).run()
     assert len(out.contours) == len(rough.contours) == 18
     assert out.contours.frame.length.min() == pytest.approx(80)
-    assert "18 lines are those of the surface as it is: smoothing by up to 0.25 m" in caplog.text
+    assert "18 lines are not smoothed: smoothing by up to 0.25 m" in caplog.text
     with caplog.at_level(logging.WARNING, "toolbox"):
         narrow = SurfaceContours(surface=ripple(), smooth_tolerance=0.25, interval=0.25).run()
     assert len(narrow.contours) == 0, "lines of two levels might cross"

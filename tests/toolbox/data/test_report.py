@@ -11,6 +11,7 @@ from pathlib import Path
 import openpyxl
 import pytest
 
+from toolbox import language
 from toolbox.data import Figure, Report, Rows, Section, Table
 from toolbox.data.record import MEMBER, read_record
 from toolbox.data.report import Column, Head, Plot
@@ -238,6 +239,15 @@ def test_paper_turns_its_pages_once_and_has_maps_first() -> None:
     assert text.index(">Short<") < text.index(">Wide<")
     text = render(Report("R", sections))
     assert text.index(">Wide<") < text.index(">Short<"), "a browser keeps their order"
+
+
+def test_drawings_of_a_report_speak_the_language_of_their_user() -> None:
+    """The profiles of a Turkish report had keys in English; names keep their points."""
+    svg = '<svg><text x="1">critical</text><text>2.5 &lt; a &amp; b</text></svg>'
+    with language.speaking("tr"):
+        source = Figure(svg.encode(), "Profile").source
+    made = base64.b64decode(source.partition(",")[2]).decode()
+    assert made == svg.replace("critical", "kritik")
 
 
 def test_the_result_stands_before_warnings() -> None:

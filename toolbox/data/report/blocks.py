@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import html
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,6 +18,7 @@ from toolbox.data.table import Table, is_number
 if TYPE_CHECKING:
     import pandas as pd
 
+_IN_SVG = re.compile(r"(<text\b[^>]*>)([^<]+)")
 _MOST_ROWS = 500  # of a table; all of them are in the file of the layer
 _SHORT = 10  # rows that are shown before all are asked for
 _FEW_ROWS = 15  # of a table that is not cut on paper
@@ -53,8 +56,18 @@ class Figure:
     @property
     def source(self) -> str:
         """The image as a data URL, so that the report is one file."""
-        kind = "png" if self.content.startswith(b"\x89PNG") else "svg+xml"
-        return f"data:image/{kind};base64," + base64.b64encode(self.content).decode()
+        if self.content.startswith(b"\x89PNG"):
+            return _data_url("png", self.content)
+        return _data_url("svg+xml", _IN_SVG.sub(_said, self.content.decode()).encode())
+
+
+def _data_url(kind: str, content: bytes) -> str:
+    return f"data:image/{kind};base64," + base64.b64encode(content).decode()
+
+
+def _said(found: re.Match[str]) -> str:
+    """A text of an SVG in the language of the user."""
+    return found[1] + html.escape(language.label(html.unescape(found[2])), quote=False)
 
 
 def _plain_words(text: Any) -> Any:

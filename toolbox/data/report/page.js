@@ -191,6 +191,7 @@
     }
     const length = make("div", { className: "over bar" }), pointer = make("div", { className: "over north", textContent: `▲\n${word("N")}` });
     pointer.style.whiteSpace = "pre";
+    pointer.setAttribute("role", "img");
     pointer.setAttribute("aria-label", word("North is up"));
     const place = () => { // the scale bar, and where the axes end
       const [x, y] = axes(), size = canvas._fullLayout._size;

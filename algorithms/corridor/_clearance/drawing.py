@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-MARGINS = {"left": 70, "right": 130, "above": 10, "below": 45}  # pixels, for axes and key
+# Pixels, for axes and a key of 18 letters.
+MARGINS = {"left": 70, "right": 165, "above": 10, "below": 45}
 DOT = 2  # pixels, of a point
 TICK_SPACING = 80  # pixels from one tick to the next, or more
 

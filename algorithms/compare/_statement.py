@@ -1,4 +1,7 @@
-"""The statement of accuracy of a surface, after the standard of the ASPRS, in words of our own.
+"""The statement of accuracy of a surface, after the standard of the ASPRS.
+
+The standard prescribes the sentences of a class that is met, and of a test with fewer checkpoints
+than it asks for; the others are in words of our own.
 
 References
 ----------
@@ -25,6 +28,10 @@ STANDARD = (
     "ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2 (2024)"
 )
 FEWEST = 30  # checkpoints, by the standard
+_NAMES = {
+    "NVA": "Non-Vegetated Vertical Accuracy (NVA)",
+    "VVA": "Vegetated Vertical Accuracy (VVA)",
+}
 NSSDA = "NSSDA, 1998, 3.2.2"
 EMPTIEST, APART = "NVA emptiest quarter", "NVA mean distance to next"  # items of a report
 WET = "Checkpoints on water"  # item of a report
@@ -45,15 +52,19 @@ def statement(report: pd.DataFrame, unit: Unit | None = None) -> Iterator[str]:
     >>> values = [40, 0.03, 0.04, 0.05, 0.1]
     >>> for said in statement(pd.DataFrame({"item": items, "value": values})):
     ...     print(said)
-    Tested at 40 checkpoints by the ASPRS Positional Accuracy Standards for Digital Geospatial \
-Data, Edition 2, Version 2 (2024): the vertical accuracy class of 10 cm RMSEV is met.
-    Non-vegetated vertical accuracy (NVA): RMSEV 5.0 cm, of which 3.0 cm are the fit to the \
-checkpoints and 4.0 cm these themselves.
+    This data set was tested to meet ASPRS Positional Accuracy Standards for Digital Geospatial \
+Data, Edition 2, Version 2 (2024) for a 10 (cm) RMSEV Vertical Accuracy Class. The Non-Vegetated \
+Vertical Accuracy (NVA) was found to be RMSEV = 5.0 (cm).
+    Non-vegetated vertical accuracy (NVA) at 40 checkpoints: RMSEV 5.0 cm, of which 3.0 cm are \
+the fit to the checkpoints and 4.0 cm these themselves.
     """
     found = dict(zip(report["item"], report["value"], strict=True))
     count = int(found.get("NVA checkpoints", 0))
     wanted = found.get("NVA accuracy class")
-    if count < FEWEST:
+    met = wanted is not None and count > 0 and found["NVA RMSEV"] <= wanted
+    if met:
+        yield " ".join(_prescribed(found, count))
+    elif count < FEWEST:
         yield (
             f"Not tested by the {STANDARD}, which asks for {FEWEST} checkpoints without "
             f"vegetation; there are {count}. What follows is how well the surface fits these."
@@ -61,14 +72,14 @@ checkpoints and 4.0 cm these themselves.
     elif wanted is None:
         yield f"Tested at {count} checkpoints by the {STANDARD}; no accuracy class was asked for."
     else:
-        verdict = "met" if found["NVA RMSEV"] <= wanted else "not met"
         yield (
             f"Tested at {count} checkpoints by the {STANDARD}: the vertical accuracy class of "
-            f"{wanted * CENTIMETRES:.3g} cm RMSEV is {verdict}."
+            f"{wanted * CENTIMETRES:.3g} cm RMSEV is not met."
         )
     if count:
         yield from _distribution(report)
-        yield f"Non-vegetated vertical accuracy (NVA): {_actual('NVA', found, unit)}"
+        said = _actual("NVA", found, unit)
+        yield f"Non-vegetated vertical accuracy (NVA) at {count} checkpoints: {said}"
     if green := int(found.get("VVA checkpoints", 0)):
         yield (
             f"Vegetated vertical accuracy (VVA), reported as found at {green} checkpoints: "
@@ -82,6 +93,31 @@ checkpoints and 4.0 cm these themselves.
             f"The data are in {name}, and so are errors on a map. Files of measures are in metres, "
             f"1 m = {1 / metres:.4f} {name}."
         )
+
+
+def _prescribed(found: Mapping[str, float], count: int) -> Iterator[str]:
+    """The sentences of the standard for a class that the errors meet."""
+    wanted = f"{found['NVA accuracy class'] * CENTIMETRES:.3g} (cm) RMSEV Vertical Accuracy Class"
+    few = count < FEWEST
+    if few:
+        yield f"This data set was tested as required by {STANDARD}."
+        yield (
+            f"Although the Standards call for a minimum of thirty ({FEWEST}) checkpoints, this "
+            f"test was performed using ONLY {count} checkpoints."
+        )
+        yield f"This data set was produced to meet a {wanted}."
+    else:
+        yield f"This data set was tested to meet {STANDARD} for a {wanted}."
+    for kind, name in _NAMES.items():
+        if not found.get(f"{kind} checkpoints", 0):
+            continue
+        size = f"{found[f'{kind} RMSEV'] * CENTIMETRES:.1f}"
+        whole = f"The {name} was found to be RMSEV = {size} (cm)."
+        reduced = (
+            f"The {name} was found to be RMSEV = {size} (cm) using the reduced number of "
+            "checkpoints."
+        )
+        yield reduced if few else whole
 
 
 def _distribution(report: pd.DataFrame) -> Iterator[str]:

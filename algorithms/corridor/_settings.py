@@ -120,9 +120,7 @@ class Curves:
     clutter_radius: float = tried(
         1.5, "m", "around a wire, an arm or the top of a support, of what may crowd it"
     )
-    clutter_step: float = tried(
-        4.0, "m", "along a wire, for which clutter, or a roof beside it, is counted"
-    )
+    clutter_step: float = tried(4.0, "m", "along a wire, for which clutter is counted")
     alone_share: float = tried(
         0.2, "1", "share of a wire along which there is no clutter, at least"
     )
@@ -130,11 +128,6 @@ class Curves:
         0.55, "1", "share of a curve with points, and nothing around it, of a sure wire"
     )
     isolated_points: int = unlikely(15, "points", "of such a wire")
-    own_radius: float = tried(
-        2.0,
-        "tolerances",
-        "around a wire that are its own; where heights jump so far it is another wire",
-    )
     hanger_depth: float = built(
         5.0, "m", "depth of what hangs from a curve, and step along it for which that is counted"
     )
@@ -147,9 +140,7 @@ class Curves:
 class Roofs:
     """Which curves are ridges or edges of roofs."""
 
-    open: float = tried(0.2, "1", "share of these with points below the surface, at most")
     slope: float = built(2.0, "m / m", "rise over run of the steepest roof")
-    share: float = tried(0.4, "1", "share of a curve: more of it is the ridge or edge of a roof")
 
 
 @dataclass(frozen=True)
@@ -186,7 +177,9 @@ class Structures:
     contact_step: float = tried(3.0, "m", "along these two, for which both are looked for")
     fewest: int = unlikely(5, "1", "points, steps or crossings by which something is known")
     filled: float = tried(
-        0.6, "1", "share of steps, cells or metres with points, where something goes on"
+        0.6,
+        "1",
+        "share of steps, cells or metres with points, where something goes on: beams, too",
     )
     contact_bend: float = built(
         0.35, "1", "share of the curvature of the messenger wire: the contact wire has less"

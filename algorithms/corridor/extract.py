@@ -193,7 +193,7 @@ def followed(
     ground = elevation(points.xyz, points.height)
     floor = Airborne.of(points.xyz[points.height <= SETTINGS.points.off_ground])
     widths = tolerances or SETTINGS.lines.tolerances
-    corridor = Corridor(air, height, may, widths[0], ground, points.seen, floor)
+    corridor = Corridor(air, height, may, widths[0], ground, points.seen, floor, points.density)
     return corridor, *follow(corridor, voxel[alone], max_gap, widths, ctx.part(0.1, 0.9))
 
 

@@ -55,6 +55,7 @@ class Corridor:
     ground : elevation of the terrain at a position in plan
     seen : whether there are points around a position in plan
     floor : points of the ground, None if it is not known
+    density : points per square metre of the survey
     tied : curves that are no wires of a line, but of a mesh
     left_out : curves that hang as wires do, and are none since something is tied to them
     wires : the points that may be wire
@@ -71,6 +72,7 @@ class Corridor:
     ground: Callable[[float, float], float]
     seen: Callable[[float, float], bool]
     floor: Airborne | None = None
+    density: float = math.inf
     tied: list[Catenary] = field(default_factory=list)
     left_out: list[Catenary] = field(default_factory=list)
     arms: Floats = field(default_factory=lambda: np.zeros((0, 2, 2)))
@@ -105,10 +107,11 @@ class Corridor:
         return replace(self, may=may, tolerance=tolerance)
 
     def on(self, curves: Iterable[Catenary]) -> NDArray[np.bool_]:
-        """Which points above the ground are those of wires, of which they lie on or around one."""
+        """Which points above the ground are within the tolerance of one of some wires."""
         found = np.zeros(len(self.air.xyz), bool)
+        radius = max(self.tolerance, SETTINGS.lines.tolerances[0])
         for curve in curves:
-            found[self.air.around(curve, SETTINGS.curves.own_radius * self.tolerance)[0]] = True
+            found[self.air.around(curve, radius)[0]] = True
         return found
 
     def take(self, curves: Iterable[Catenary]) -> None:
@@ -130,7 +133,7 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
         ):
             continue
         catenary = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
-        if catenary is not None and roofed(corridor, catenary) < SETTINGS.roofs.share:
+        if catenary is not None and not is_on_roof(corridor, catenary):
             fine = (
                 curve[kernels.CURVE_RMS] < SETTINGS.curves.fine_rms * corridor.tolerance
                 and len(points) >= SETTINGS.curves.fine_points
@@ -153,75 +156,50 @@ def untied(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
     return [piece for piece, in_it in zip(pieces, tied, strict=True) if not in_it]
 
 
-def roofed(corridor: Corridor, curve: Catenary) -> float:
-    """Share of a curve, where anything is seen, along which it is the ridge or the edge of a roof.
+def is_on_roof(corridor: Corridor, curve: Catenary) -> bool:
+    """Whether at one side of a curve little of what is seen is below it, as beside an edge.
 
-    There is a surface at one side of it, and nothing is seen below that. Below a wire the beam
-    goes on.
+    Below a wire the beam goes on, and so it does at both sides of it. It does not at a row of
+    points on a roof, nor at the inner side of the ridge, the edge of a roof or a balcony. One looks
+    so far aside that squares as wide hardly ever lack points. What lies beside the curve
+    on a roof of any slope is not below, the ground is. Where nothing is seen beside the line, there
+    is water.
     """
-    if corridor.floor is None:
-        return 0.0
-    length, width = SETTINGS.curves.clutter_step, SETTINGS.lines.tolerances[0]
-    columns = round(SETTINGS.curves.clutter_radius / width)
-    steps = max(1, round(curve.length / length))
-    surface, low = np.zeros((2, steps, 2 * columns), bool)
-    own = np.zeros(steps, bool)
-    for points in (corridor.air, corridor.floor):
-        near = beside_of(points, curve, columns * width)
-        u, v, z = curve.residuals(points.xyz[near])
-        column = np.floor(v / width).astype(np.int64) + columns
-        inside = (u >= 0) & (u < curve.length) & (column >= 0) & (column < 2 * columns)
-        step = (u / curve.length * steps).astype(np.int64)
-        slack, on_it = (
-            SETTINGS.roofs.slope * np.abs(v) + 2 * corridor.tolerance,
-            np.hypot(v, z) <= corridor.tolerance,
-        )
-        at = inside & (np.abs(z) <= slack) & ~on_it
-        surface[step[at], column[at]] = True
-        under = inside & (z < -slack)
-        low[step[under], column[under]] = True
-        own[step[inside & on_it]] = True
-    shares = []
-    for side in (slice(0, columns), slice(columns, 2 * columns)):
-        filled, open_ = surface[:, side].sum(axis=1), low[:, side].sum(axis=1)
-        roof = (filled >= SETTINGS.structures.filled * columns) & (
-            open_ <= SETTINGS.roofs.open * columns
-        )
-        shares.append(int(roof.sum()) / max(1, int((roof | own).sum())))
-    return float(max(shares))
-
-
-def is_on_roofs(corridor: Corridor, curves: Sequence[Catenary]) -> bool:
-    """Whether nothing is seen below much of what is seen of some curves."""
     if corridor.floor is None:
         return False
-    shut, seen = np.sum([covered(corridor, corridor.floor, curve) for curve in curves], axis=0)
-    return bool(shut > SETTINGS.roofs.share * seen)
+    wide = math.sqrt(-math.log(SETTINGS.sparse.false_alarms) / corridor.density)
+    reach = max(SETTINGS.points.company_side, wide)
+    parts = [
+        points.xyz[beside_of(points, curve, reach)] for points in (corridor.air, corridor.floor)
+    ]
+    ground = np.repeat([False, True], [len(part) for part in parts])
+    u, v, z = curve.residuals(np.concatenate(parts))
+    inside = (u >= 0) & (u < curve.length) & (np.abs(v) < reach)
+    u, v, z, ground = u[inside], v[inside], z[inside], ground[inside]
+    steps = max(1, round(curve.length / SETTINGS.tracks.hole))
+    at = (u / curve.length * steps).astype(np.int64)
+    on_it = np.hypot(v, z) <= corridor.tolerance
+    own = np.bincount(at[on_it], minlength=steps) > 0
+    water = np.zeros(steps, bool)
+    water[own] = on_water(corridor, curve, (np.flatnonzero(own) + 0.5) * curve.length / steps)
+    slack = SETTINGS.roofs.slope * np.abs(v) + 2 * corridor.tolerance
+    beside = own[at] & ~on_it & (z <= slack)
+    under = beside & (ground | (z < -slack) | water[at])
+    seen, below = (cells_by_side(u[those], v[those]) for those in (beside, under))
+    return bool((below < SETTINGS.structures.filled * seen).any())
 
 
-def covered(corridor: Corridor, floor: Airborne, curve: Catenary) -> tuple[int, int]:
-    """Steps along a curve at which it has points, but nothing is seen below, and all with points.
+def cells_by_side(u: Floats, v: Floats) -> Ints:
+    """Number of square metres with points at each side of a curve, along and aside of it."""
+    cell = np.unique(np.floor(np.column_stack([u, v])).astype(np.int64), axis=0)
+    return np.bincount((cell[:, 1] < 0).astype(np.int64), minlength=2)
 
-    The beam goes on below a wire. It does not below a row of points on a roof, and what lies beside
-    these on a roof of any slope is not below. Where points are a metre apart, such a row stands as
-    alone as a wire does. Where nothing is seen beside the line either, there is water.
-    """
-    reach = SETTINGS.curves.clutter_radius
-    steps = max(1, round(curve.length / SETTINGS.curves.clutter_step))
-    own, open_ = np.zeros((2, steps), bool)
-    for points in (corridor.air, floor):
-        near = beside_of(points, curve, reach)
-        u, v, z = curve.residuals(points.xyz[near])
-        inside = (u >= 0) & (u < curve.length) & (np.abs(v) < reach)
-        step = (u / curve.length * steps).astype(np.int64)
-        own[step[inside & (np.hypot(v, z) <= corridor.tolerance)]] = True
-        under = z < -SETTINGS.roofs.slope * np.abs(v) - 2 * corridor.tolerance
-        open_[step[inside & under]] = True
-    shut = np.flatnonzero(own & ~open_)
+
+def on_water(corridor: Corridor, curve: Catenary, at: Floats) -> list[bool]:
+    """Whether nothing is seen beside the line at distances along a curve."""
     aside = SETTINGS.network.line_width * np.array([-curve.ey, curve.ex])
-    spots = curve.points((shut + 0.5) * curve.length / steps)[:, :2]
-    land = [any(corridor.seen(*(spot + side)) for side in (aside, -aside)) for spot in spots]
-    return sum(land), int(np.count_nonzero(own))
+    spots = curve.points(at)[:, :2]
+    return [not any(corridor.seen(*(spot + side)) for side in (aside, -aside)) for spot in spots]
 
 
 def beside_of(points: Airborne, curve: Catenary, reach: float) -> Ints:

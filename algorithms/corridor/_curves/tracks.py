@@ -129,7 +129,7 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
     u, _, z = piece.curve.residuals(corridor.wires.xyz[points])
     order = np.argsort(u, kind="stable")
     points, u, z = points[order], u[order], z[order]
-    edges, jump = [0], SETTINGS.curves.own_radius * corridor.tolerance
+    edges, jump = [0], 2 * corridor.tolerance
     for k in (
         np.flatnonzero((np.abs(np.diff(z)) > jump / 2) | (np.diff(u) > SETTINGS.tracks.hole)) + 1
     ).tolist():

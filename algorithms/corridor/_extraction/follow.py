@@ -19,7 +19,7 @@ from algorithms.corridor._curves.network import (
     Corridor,
     Piece,
     curves_of,
-    is_on_roofs,
+    is_on_roof,
     is_straight,
     wires_among,
 )
@@ -90,12 +90,14 @@ def follow(
     max_gap : longest piece of a wire that may be missing, metres
     tolerances : how far a point may lie from the wire that is followed, ascending, metres
     """
-    tried = list(stacked(corridor, max_gap, ctx.part(0.0, 0.1)))
+    tried: list[Tried] = []
     for k, tolerance in enumerate(tolerances):
-        part = ctx.part(0.1 + 0.9 * k / len(tolerances), 0.1 + 0.9 * (k + 1) / len(tolerances))
+        part = ctx.part(k / len(tolerances), (k + 1) / len(tolerances))
         if k:
             voxel, corridor = voxel[~corridor.refused], corridor.without_refused(tolerance)
         pieces = followed(corridor, voxel, max_gap, part)
+        if not k:  # contact lines are known now, whose wires are above each other, too
+            tried += stacked(corridor, max_gap, part.part(0.7, 0.7))
         tried.append(Tried(corridor, pieces, *lines_among(corridor, pieces, max_gap, part)))
     seen = seen_supports(tried)
     lines: list[Line] = []
@@ -203,17 +205,28 @@ def lines_among(
 
     With them come all supports that were tried.
     """
-    pieces = [piece for piece in pieces if not is_on_roofs(corridor, [piece.curve])]
+    pieces = [piece for piece in pieces if not is_on_roof(corridor, piece.curve)]
     wires, supports = hung(corridor, pieces, max_gap, ctx.part(0.7, 1.0))
     here = [line for line in lines_of(wires, supports) if line.is_no_accident(corridor)]
-    here = [line for line in here if not is_on_roofs(corridor, [w.curve for w in line.wires])]
-    structures = [line.is_structure(corridor) for line in here]
-    for line, is_structure in zip(here, structures, strict=True):
-        corridor.left_out += [wire.curve for wire in line.wires if is_structure]
-    kept = [line for line, is_it in zip(here, structures, strict=True) if not is_it]
+    kept = without_structures(corridor, here)
     return [
         replace(line, supports=compared(corridor, line.wires, line.supports)) for line in kept
     ], supports
+
+
+def without_structures(corridor: Corridor, lines: Sequence[Line]) -> list[Line]:
+    """The lines that carry nothing but themselves; the wires of others are left out.
+
+    Rows of a mesh tell of those beside them, in which too few ties were seen.
+    """
+    kept = list(lines)
+    while found := [line for line in kept if line.is_structure(corridor)]:
+        kept = [line for line in kept if all(line is not one for one in found)]
+        for wires in ([wire.curve for wire in line.wires] for line in found):
+            corridor.left_out += wires
+            if any(is_row_of_mesh(curve, corridor.tied) for curve in wires):
+                corridor.tied += wires
+    return kept
 
 
 def hung(
@@ -230,7 +243,7 @@ def hung(
         return [], []
     supports = supports_of(corridor, pieces, alignments)
     wires = completed(corridor, sagging(spans_of(corridor, pieces, supports)), supports)
-    bent = sagging(wires)
+    bent = [wire for wire in sagging(wires) if not is_on_roof(corridor, wire.curve)]
     return (numbered(bent, supports) if len(bent) < len(wires) else bent), supports
 
 

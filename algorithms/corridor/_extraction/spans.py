@@ -27,7 +27,7 @@ from algorithms.corridor._curves.network import (
     apart,
     goes_on,
     heading,
-    roofed,
+    is_on_roof,
     runs_beside,
 )
 from algorithms.corridor._extraction.sheets import levels_of
@@ -436,10 +436,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     if curve.length < 15:
         return []
     air = corridor.wires
-    own_radius, radius = (
-        SETTINGS.curves.own_radius * corridor.tolerance,
-        SETTINGS.spans.group_radius * corridor.tolerance,
-    )
+    own_radius, radius = 2 * corridor.tolerance, SETTINGS.spans.group_radius * corridor.tolerance
     taken = corridor.refused.copy()
     for wire in wires:
         taken[air.around(wire.curve, own_radius, -2.0, wire.curve.length + 2)[0]] = True
@@ -501,7 +498,7 @@ def stands_alone(corridor: Corridor, wire: Wire, taken: NDArray[np.bool_]) -> bo
         alone(corridor, wire.curve, taken) >= SETTINGS.curves.alone_share
         and chance(corridor, wire.curve, wire.tolerance, taken)
         < math.log(SETTINGS.sparse.false_alarms)
-        and roofed(corridor, wire.curve) < SETTINGS.roofs.share
+        and not is_on_roof(corridor, wire.curve)
     )
 
 

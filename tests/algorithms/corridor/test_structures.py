@@ -1,0 +1,56 @@
+"""What hangs as wires do and is no line tells of more that is none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes.corridors import Floats, wire
+
+from algorithms.corridor._curves.network import Corridor
+from algorithms.corridor._curves.trace import Airborne
+from algorithms.corridor._extraction import follow as following
+from algorithms.corridor._extraction.follow import Line, follow, without_structures
+from algorithms.corridor._extraction.spans import Wire
+from toolbox.context import QUIET
+
+
+def corridor_of(points: Floats) -> Corridor:
+    """Points that all may be wire, 6 m above the ground."""
+    air = Airborne.of(points)
+    count = len(air.xyz)
+    yes = np.ones(count, bool)
+    return Corridor(air, np.full(count, 6.0), yes, 0.25, lambda x, y: 0.0, lambda x, y: True)
+
+
+def test_rows_of_a_mesh_tell_of_those_beside_them() -> None:
+    """Of four rows 10 m apart the first is tied; the next is 40 m from the last of these."""
+    sides = (0.0, 10.0, 20.0, 60.0)
+    made = [wire((0, y, 6), (40, y, 6), 400, per_metre=1.0) for y in (-10.0, *sides)]
+    corridor = corridor_of(np.vstack([points for _, points in made]))
+    corridor.tied.append(made[0][0])
+    lines = [Line([Wire(curve, (-1, -1), (0.0, 40.0), 0.25)], []) for curve, _ in made[1:]]
+    assert without_structures(corridor, lines) == lines[-1:]
+    assert [curve.y for curve in corridor.left_out] == [0.0, 10.0, 20.0]
+
+
+def test_points_of_contact_lines_are_no_wires_above_each_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[int] = []
+
+    def refusing(corridor: Corridor, *_: Any) -> list[Any]:
+        corridor.refused[: len(corridor.refused) // 2] = True
+        return []
+
+    def above(corridor: Corridor, _: Any) -> list[Any]:
+        seen.append(len(corridor.wires.xyz))
+        return []
+
+    monkeypatch.setattr(following, "followed", refusing)
+    monkeypatch.setattr(following, "stacked_wires", above)
+    points = wire((0, 0, 6), (40, 0, 6), 400, per_metre=1.0)[1]
+    corridor = corridor_of(points)
+    follow(corridor, np.arange(len(points)), 30.0, (0.25, 0.625), QUIET)
+    assert seen == [len(points) - len(points) // 2]

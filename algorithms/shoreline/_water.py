@@ -163,10 +163,10 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
             "points: %d places are left out which are level, but neither return fewer pulses nor "
             "are darker than what is around, or are bent or tilted by centimetres, as paved ground "
             "is: ice or bright water, or a square, a field, a cutting; "
-            "the largest is the %s at a level of %.2f; level_alone gives them",
+            "the largest is the %s at a level of %s; level_alone gives them",
             len(left_out),
             name_of(cells, left_out[0]).replace("water", "place", 1),
-            left_out[0].level.height,
+            in_unit(cells, left_out[0].level.height, 2),
         )
     return sure
 
@@ -249,12 +249,12 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
             "meet water along much of its shore, but from which water would run off to lower "
             "places: flights at other times, ice, plants, water above a weir or low dam, or level "
             "land; where they meet water, its outline may be no shore. The largest, about %.0f m2 "
-            "at %.1f,%.1f, has the level %.2f%s, and is known by: %s",
+            "at %.1f,%.1f, has the level %s%s, and is known by: %s",
             len(told),
             _digits(len(told[0].cells) * cells.area / cells.metre**2),
             x,
             y,
-            told[0].level,
+            in_unit(cells, told[0].level, 2),
             beside,
             told[0].evidence,
         )
@@ -511,9 +511,9 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
 
 
-def in_unit(cells: CellGrid, height: float) -> str:
+def in_unit(cells: CellGrid, height: float, digits: int = 3) -> str:
     """A height or a difference of heights with the unit of the data."""
-    return f"{height:.3f} {cells.unit}".rstrip()
+    return f"{height:.{digits}f} {cells.unit}".rstrip()
 
 
 def _rise(cells: CellGrid, water: Water) -> float:

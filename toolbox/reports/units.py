@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 _POWERS = {"m": 1, "m2": 2, "m²": 2, "m3": 3, "m³": 3, "1/m2": -2, "1/m²": -2}
 _RAISED = {1: "{}", 2: "{}²", 3: "{}³", -2: "1/{}²"}
 _MORE = {-2: 1}  # digits that densities need in feet, of which there are ten to the square metre
-_SAID = r"(?<![\w.,:/])(\d+(?:\.\d+)?) (m[23²³]?)(?![\w/²³])"  # a size in metres in a text
+_NUMBER = r"(\d+(?:\.\d+)?)"
+_SAID = rf"(?<![\w.,:/]){_NUMBER} (m[23²³]?)(?![\w/²³])"  # a size in metres in a text
+_PART = rf"(?<![\w.,:/])(?:{_NUMBER} of )?{_SAID}"  # or how much of it
 _IN_METRES = "_m"  # end of the name of a column that holds in metres what another does
 
 
@@ -57,16 +59,20 @@ def in_both(text: str, own: Unit | None) -> str:
     Examples
     --------
     >>> in_both("216 of 491 m of its outline of 20 m2 (215 ft²)", ("ft", 0.3048))
-    '216 of 491 m (1611 ft) of its outline of 20 m2 (215 ft²)'
+    '216 of 491 m (709 of 1611 ft) of its outline of 20 m2 (215 ft²)'
     """
     if own is None:
         return text
-    alone = rf"{_SAID}(?! \([-\d.]+[ /]*{re.escape(own[0])})"
-    return re.sub(
-        alone,
-        lambda found: found[0] + own_unit(float(found[1]), own, _POWERS[found[2]]),
-        language.told(text),
-    )
+
+    def beside(found: re.Match[str]) -> str:
+        part, whole, power = found[1], float(found[2]), _POWERS[found[3]]
+        if not part:
+            return found[0] + own_unit(whole, own, power)
+        shown = own_unit(float(part), own, power).removesuffix(f" {_RAISED[power].format(own[0])})")
+        return f"{found[0]}{shown} of {own_unit(whole, own, power)[2:]}"
+
+    alone = rf"{_PART}(?! \([-\d.]+[ /]*{re.escape(own[0])})"
+    return re.sub(alone, beside, language.told(text))
 
 
 def drawn_in(table: Table, shows: Sequence[Show], own: Unit | None) -> Shown:

@@ -92,6 +92,8 @@ def test_axes_of_curves_are_in_feet(axis: Axis, unit: str, factor: float) -> Non
         ("0.68 m (2.23 ft) apart, 2 m/s", "0.68 m (2.23 ft) apart, 2 m/s"),
         ("2.2 per m2 (0.201/ft²)", "2.2 per m2 (0.201/ft²)"),
         ("0.40 m (95 %)", "0.40 m (1.31 ft) (95 %)"),
+        ("3 of 40 m2", "3 of 40 m2 (32.3 of 431 ft²)"),
+        ("206 of 1441 m of its outline", "206 of 1441 m (676 of 4728 ft) of its outline"),
     ],
 )
 def test_sizes_in_texts_are_told_in_both_units_once(text: str, said: str) -> None:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from importlib.util import find_spec
-from pathlib import Path
 
 from toolbox.allocation import keep_memory
+from toolbox.places import hidden
 
 # A GIS that starts us may point these at its own libraries; our wheels carry their own data.
 for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
@@ -30,22 +29,6 @@ def run() -> None:
         code = 130
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: too late to stop anything
     sys.exit(code)
-
-
-def hidden() -> str:
-    """Why our tools cannot be imported: another package has their name; empty if none has.
-
-    Python looks into the working folder first, when it is started with ``-m``.
-    """
-    ours = Path(__file__).resolve().parents[1] / "algorithms"
-    spec = find_spec("algorithms")
-    found = Path((spec and spec.origin) or ours / "__init__.py").resolve().parent
-    if found == ours:
-        return ""
-    return (
-        f"{found} hides the package 'algorithms' of lidar-toolbox; "
-        "rename it, or run lidar-toolbox, or python -m toolbox, in another folder"
-    )
 
 
 def _open_streams() -> None:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from toolbox import renamed
 from toolbox.errors import DataError, ParameterError, nearest
-from toolbox.places import METADATA
+from toolbox.places import METADATA, hidden
 
 if TYPE_CHECKING:
     from toolbox.declare.fields import Spec
@@ -32,7 +32,15 @@ QGIS = "qgis:"  # begins the id of an algorithm of QGIS
 
 
 def own_files() -> dict[str, Path]:
-    """The file that declares each tool of this distribution, by id, from the names of the files."""
+    """The file that declares each tool of this distribution, by id, from the names of the files.
+
+    Raises
+    ------
+    DataError
+        Another package has the name of ours.
+    """
+    if problem := hidden():
+        raise DataError(problem)
     found = find_spec("algorithms")
     folders = [Path(name) for name in (found and found.submodule_search_locations) or []]
     paths = [path for folder in folders for path in folder.glob("*/[!_]*.*")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parent
@@ -15,6 +16,22 @@ METADATA = next(
 
 An installed wheel carries the folder inside the package, a checkout has it beside the package.
 """
+
+
+def hidden() -> str:
+    """Why our tools cannot be imported: another package has their name; empty if none has.
+
+    Python looks into the working folder first, when it is started with ``-m`` or with nothing.
+    """
+    ours = Path(__file__).resolve().parents[1] / "algorithms"
+    spec = find_spec("algorithms")
+    found = Path((spec and spec.origin) or ours / "__init__.py").resolve().parent
+    if found == ours:
+        return ""
+    return (
+        f"{found} hides the package 'algorithms' of lidar-toolbox; "
+        "rename it, or work in another folder"
+    )
 
 
 def cache(variable: str, name: str) -> Path:

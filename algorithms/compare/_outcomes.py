@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-CORRECT_POSITIVE, CORRECT_NEGATIVE, TYPE_1, TYPE_2, NO_REFERENCE = range(5)
+CORRECT_POSITIVE, CORRECT_NEGATIVE, TYPE_1, TYPE_2, NO_REFERENCE, OTHER_CLASS = range(6)
 IN_BOTH, IN_NEITHER, REFERENCE_ALONE, FOUND_ALONE = range(4)
 
 _NOT_KNOWN = "No reference", "#f0dfae"
@@ -18,6 +18,7 @@ OUTCOMES: Mapping[int, tuple[str, str]] = {
     TYPE_1: ("Type I: ground missed", "#2166d1"),
     TYPE_2: ("Type II: object taken for ground", "#d7261e"),
     NO_REFERENCE: _NOT_KNOWN,
+    OTHER_CLASS: ("Another class than in the reference", "#f08c1a"),
 }
 """Name and colour of each value of "error", in a comparison of classes."""
 

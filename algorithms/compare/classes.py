@@ -25,6 +25,7 @@ from algorithms.compare._outcomes import (
     CORRECT_NEGATIVE,
     CORRECT_POSITIVE,
     NO_REFERENCE,
+    OTHER_CLASS,
     OUTCOMES,
     TYPE_1,
     TYPE_2,
@@ -64,8 +65,10 @@ RECORDED = (
 )
 # Red, green and blue of the values of `error`, from 0 to 255.
 COLOURS = [tuple(bytes.fromhex(colour.removeprefix("#"))) for _, colour in OUTCOMES.values()]
+MEANING = "0 1 right 2 3 Type I II 5 other"  # no more than 32 characters fit into a LAS file
 SIXTEEN_BIT = 257  # from 0..255 to 0..65535
 MOST_STRATA = 256
+UNCLASSIFIED = 1
 OF_INTEREST, OTHERS = "of interest", "all others"  # names of the only two classes
 
 Mask = NDArray[np.bool_]
@@ -110,6 +113,11 @@ class CompareClasses:
     of reference objects that was taken for ground. The first pair of limits in `table` is that of
     Wilson for shares, of Fleiss, Cohen and Everitt for kappa, which holds for independent points
     and is the least uncertainty; the second pair is that of the blocks.
+
+    The attribute `error` is 0 where a class of interest is right, 1 where another one is, 2 for
+    Type I, 3 for Type II, 4 without a reference class or left out, and 5 for any other difference
+    of classes. What a ground filter left unclassified (1) counts as right there, unless `map` names
+    class 1.
 
     With `other_attribute`, or another cloud as `other`, a second classification of the same points
     is compared, and `difference` tells whether it differs by more than luck. If the points are a
@@ -192,7 +200,7 @@ class CompareClasses:
         difference: Table | None = sink("One row per measure of two classifications")
         areas: Table | None = sink("Accuracy and area of each class, from a sample drawn by class")
         errors: PointCloud = sink(
-            "The points with the attribute `error`: see the table of values",
+            "The points with the attribute `error`, whose values the help explains",
             show=show.Classes("error", OUTCOMES),
         )
         overall_accuracy: float = sink("Points of the class of the reference", unit="%")
@@ -289,7 +297,9 @@ class CompareClasses:
             strata=Table.from_rows(self._strata(said, true, matched, counted, ground, legend)),
             difference=self._difference(said, true, counted, ground, ctx.part(0.8, 0.95)),
             areas=self._areas(confusion),
-            errors=self._marked(is_said, is_true, counted),
+            errors=self._marked(
+                is_said, is_true, counted, self._differ(said, true, legend, counted)
+            ),
             overall_accuracy=summary["overall_accuracy"] or 0.0,
             kappa_of_classes=summary["kappa"],
             type_1=counts.type_1,
@@ -376,18 +386,30 @@ class CompareClasses:
             self._truth,
         )
 
-    def _marked(self, is_said: Mask, is_true: Mask, counted: Mask) -> PointCloud:
+    def _differ(
+        self, said: NDArray[Any], true: NDArray[Any], legend: Legend, counted: Mask
+    ) -> Mask:
+        """Which points have another class than in the reference, array of shape (n,).
+
+        A ground filter leaves objects unclassified (1): unless `map` names that, it is no answer.
+        """
+        differ = np.zeros(len(said), bool)
+        answers = counted & ((said != UNCLASSIFIED) | (UNCLASSIFIED in names_of(self.map or ())))
+        differ[answers] = numbers(said[answers], legend.said) != numbers(true[answers], legend.true)
+        return differ
+
+    def _marked(self, is_said: Mask, is_true: Mask, counted: Mask, differ: Mask) -> PointCloud:
         """The points with their errors, and with colours if asked for."""
         error = np.where(is_true, np.where(is_said, CORRECT_POSITIVE, TYPE_1), 0)
         error = np.where(is_true, error, np.where(is_said, TYPE_2, CORRECT_NEGATIVE))
+        error = np.where(differ & (is_said == is_true), OTHER_CLASS, error)
         error = np.where(counted, error, NO_REFERENCE).astype(np.uint8)
         names = {"error": error}
         if self.colours:
             table = np.array(COLOURS, np.uint16)
             shown = (table * SIXTEEN_BIT)[error].T
             names |= dict(zip(("red", "green", "blue"), shown, strict=True))
-        meaning = "0 and 1 correct, 2 Type I, 3 Type II"
-        return self.points.with_attributes(names, descriptions={"error": meaning})
+        return self.points.with_attributes(names, descriptions={"error": MEANING})
 
     def _strata(
         self,

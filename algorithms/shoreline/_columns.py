@@ -16,7 +16,7 @@ WATER = {
     "open_length": Column("Edge of the data in it", "m", 0),
     "islands": Column("Islands", detail=True),
     "uncertainty": Column("Standard error of the shore", "m", 2, detail=True),
-    "density": Column("Points on the water", "1/m²", 2, detail=True),
+    "density": Column("Points on land around", "1/m²", 2, detail=True),
     "returned": Column("Returns, of those on the shore", "%", 0, 100.0, detail=True),
     "darkness": Column("Darkness against the shore, 0 to 1", "", 2, detail=True),
     "evidence": Column("What tells that it is water"),

@@ -58,5 +58,8 @@ def _crest(above: Floats) -> float:
     All but one of 40 cells of water are lower, by the median and the span between 20 and 80 % of
     all: dikes, and what stands in water, are fewer. So few cells make no row across a water.
     """
-    low, middle, high = np.percentile(above[np.isfinite(above)], (20, 50, 80))
+    known = above[np.isfinite(above)]
+    if not len(known):  # nothing came back
+        return 0.0
+    low, middle, high = np.percentile(known, (20, 50, 80))
     return float(middle + NINETY_FIVE * (high - low) / SIGMAS)

@@ -215,6 +215,17 @@ def test_error_attribute() -> None:
     assert list(out.errors["error"]) == [0, 1, 2, 3]
 
 
+def test_a_wrong_class_of_an_object_is_marked_but_not_what_a_ground_filter_leaves() -> None:
+    """True roofs found as roof, plant, nothing and ground, and a true tree found as a bush."""
+    points = from_counts({(6, 6): 1, (6, 5): 1, (6, 1): 1, (6, 2): 1, (5, 4): 1})
+    job: dict[str, Any] = {"points": points, "reference_attribute": Attribute("truth")}
+    assert list(CompareClasses(**job).run().errors["error"]) == [1, 5, 1, 3, 5]
+    merged = CompareClasses(**job, map=("3-5=plants", "6=roofs")).run().errors
+    assert list(merged["error"]) == [1, 5, 1, 3, 1], "trees and bushes are one class"
+    named = CompareClasses(**job, map=("1=nothing", "3-6=objects")).run().errors
+    assert list(named["error"]) == [1, 1, 5, 3, 1], "a class with a name is an answer"
+
+
 @pytest.mark.parametrize("crs", [CRS(32635), None, CRS(4326)])
 def test_another_cloud_in_another_order(crs: CRS | None) -> None:
     points = from_counts(SOM_STUDY, crs)

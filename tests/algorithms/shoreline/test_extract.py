@@ -20,6 +20,7 @@ from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
 from algorithms.samples.scene import scene
 from algorithms.shoreline import extract as tool
 from algorithms.shoreline._bodies import _along_a_line
+from algorithms.shoreline._dikes import _crest
 from algorithms.shoreline._kernels import TAKEN, spread
 from algorithms.shoreline._level import _parts
 from algorithms.shoreline._outline import detail_of
@@ -424,6 +425,10 @@ def test_waves_across_a_river_are_no_dikes() -> None:
     (found,), water = scored(waters.survey("river", 101))
     assert found > 0.95
     assert len(water) == 1
+
+
+def test_waves_of_a_water_that_returns_nothing_are_not_known() -> None:
+    assert _crest(np.array([np.nan, np.inf])) == 0.0
 
 
 def test_a_hole_that_slopes_is_no_lake_though_a_few_cells_at_its_lower_end_are_level() -> None:

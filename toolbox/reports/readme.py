@@ -21,7 +21,7 @@ _OF_JOINED = {_LAYER, "text", "angle", "text_height"}  # columns that joining fe
 _OPENS = {
     ".html": "a browser; it needs no network",
     ".pdf": "a reader of PDF",
-    ".gpkg": "QGIS, which draws it in its own colours, ArcGIS and other GIS",
+    ".gpkg": "QGIS, which draws it in the colours of the report, ArcGIS and other GIS",
     ".shp": "any GIS; the files .shx, .dbf, .prj and .cpg belong to it",
     ".tif": "a GIS; cloud-optimised GeoTIFF",
     ".kmz": "Google Earth and GIS",
@@ -235,7 +235,8 @@ def _how(spec: Spec) -> list[str]:
 def _checksums(sums: Mapping[str, str]) -> list[str]:
     """The checksums in the form that the usual program compares, whatever stands around them."""
     text = (
-        "SHA-256 of each file, which `sha256sum -c README.txt` compares, and of this text. By them "
-        "a later run into this folder knows which files it may replace; it stops at others."
+        "SHA-256 of each file but .aux.xml, which a GIS changes; `sha256sum -c README.txt` compares "
+        "them; and of this text. By them a later run into this folder knows which files it may "
+        "replace; it stops at others."
     )
     return [*_wrapped(text), "", *(f"{found}  {name}" for name, found in sums.items())]

@@ -23,8 +23,11 @@ _ELSE = "name a new or an empty folder"
 
 
 def sums(paths: Iterable[Path]) -> dict[str, str]:
-    """The SHA-256 of each file by its name, in the order of names."""
-    return {path.name: _sum(path) for path in sorted(paths)}
+    """The SHA-256 of each file by its name, in the order of names.
+
+    Files that a GIS writes anew as it reads the others, as QGIS does with statistics, have none.
+    """
+    return {path.name: _sum(path) for path in sorted(paths) if not path.name.endswith(DERIVED)}
 
 
 def sealed(text: str, tool: str) -> str:
@@ -33,8 +36,9 @@ def sealed(text: str, tool: str) -> str:
 
 
 def files_of(folder: Path) -> list[Path]:
-    """The files of the set in a folder that has no `problem`, as far as they are there."""
-    return [folder / name for name in _listed(_text(folder / README)) if (folder / name).exists()]
+    """The files of the set in a folder that has no `problem`, and what a GIS has made of them."""
+    names = (n + end for n in _listed(_text(folder / README)) for end in ("", *DERIVED))
+    return [folder / name for name in names if (folder / name).is_file()]
 
 
 def problem(folder: Path, tool: str, replaces: Iterable[Path]) -> str | None:
@@ -74,7 +78,8 @@ def _moved(path: Path) -> str:
 
 
 def _differing(folder: Path, listed: Mapping[str, str]) -> Iterable[Path]:
-    there = (folder / name for name in listed if (folder / name).exists())
+    fixed = (name for name in listed if not name.endswith(DERIVED))  # older sets list all
+    there = (folder / name for name in fixed if (folder / name).exists())
     return (path for path in there if path.is_dir() or _sum(path) != listed[path.name])
 
 

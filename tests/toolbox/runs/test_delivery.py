@@ -24,6 +24,7 @@ from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import Model, ModelRun, run_tool
+from toolbox.runs import sealed
 
 MODEL = """
 id: toy.hills
@@ -288,6 +289,22 @@ def test_files_of_a_set_that_somebody_has_changed_stay(
         return  # without it, nobody knows whose the others are
     toolbox.run(model, values, overwrite=True)
     assert names(tmp_path / "out") == FILES
+
+
+def test_statistics_that_a_gis_adds_to_a_set_are_no_change(tmp_path: Path) -> None:
+    """QGIS writes those of a raster into .aux.xml, which sets of older versions list."""
+    raster, beside = tmp_path / "dtm.tif", tmp_path / "dtm.tif.aux.xml"
+    raster.write_bytes(b"raster")
+    beside.write_text("<PAMDataset/>")
+    assert list(sealed.sums([beside, raster])) == ["dtm.tif"]
+    lines = (f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p.name}\n" for p in (raster, beside))
+    text = sealed.sealed("".join(lines), "models.terrain")
+    (tmp_path / "README.txt").write_text(text, newline="\n")
+    beside.write_text("<PAMDataset><Statistics/></PAMDataset>")
+    assert sealed.problem(tmp_path, "models.terrain", [raster, beside]) is None
+    assert {*sealed.files_of(tmp_path)} == {raster, beside}, "both go with the set"
+    raster.write_bytes(b"mine")
+    assert "dtm.tif in" in (sealed.problem(tmp_path, "models.terrain", [raster]) or "")
 
 
 def test_a_set_does_not_replace_that_of_another_tool(

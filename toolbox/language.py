@@ -27,6 +27,7 @@ VARIABLES = ("TOOLBOX_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
 TOLD = "told.po"  # texts with values in them
 _VALUE = re.compile(r"\{\d+\}")
 _NAME = re.compile(r"[a-z_]+")
+_WORD = re.compile(r"[^\W\d_]+")
 _SHARE = re.compile(  # of a list: "water 4.0 %", "40 critical", "tree 94"
     r"(?P<before>\d+ )?(?P<name>.+?)(?P<share> [\d.]+ %|(?<=[a-z]) \d+)?", re.DOTALL
 )
@@ -143,16 +144,46 @@ def capitalised(text: str) -> str:
     """A text that begins with a large letter, as a sentence does.
 
     >>> with speaking("tr"):
-    ...     capitalised("iki nokta"), uncapitalised("İki nokta"), capitalised("5 nokta")
-    ('İki nokta', 'iki nokta', '5 nokta')
+    ...     capitalised("iki nokta"), capitalised("intensity"), capitalised("5 nokta")
+    ('İki nokta', 'Intensity', '5 nokta')
     """
-    first = "İ" if text[:1] == "i" and chosen() == "tr" else text[:1].upper()
+    first = "İ" if text[:1] == "i" and _is_turkish(text) else text[:1].upper()
     return first + text[1:]
 
 
 def uncapitalised(text: str) -> str:
-    """A text that begins with a small letter, as within a sentence."""
-    return text[:1].replace("İ", "i").lower() + text[1:]
+    """A text that begins with a small letter, as within a sentence; DTM and IoU stay.
+
+    >>> uncapitalised("Height"), uncapitalised("DTM of all"), uncapitalised("IoU")
+    ('height', 'DTM of all', 'IoU')
+    >>> with speaking("tr"):
+    ...     uncapitalised("Işığın yönü"), uncapitalised("İki nokta"), uncapitalised("Intensity")
+    ('ışığın yönü', 'iki nokta', 'intensity')
+    """
+    if (word := _WORD.match(text)) and word[0][1:] != word[0][1:].lower():
+        return text
+    first = "ı" if text[:1] == "I" and _is_turkish(text) else text[:1].replace("İ", "i").lower()
+    return first + text[1:]
+
+
+def _is_turkish(text: str) -> bool:
+    """Whether a text begins with a word of Turkish, whose i and I are two letters each."""
+    word = _WORD.match(text)
+    return chosen() == "tr" and word is not None and _small(word[0]) in _own_words("tr")
+
+
+@functools.cache
+def _own_words(code: str) -> frozenset[str]:
+    """The words of the translations that no English text has, in small letters of Turkish."""
+    english, own = (
+        {_small(word) for said in texts for word in _WORD.findall(said)}
+        for texts in (catalogue(code).keys(), catalogue(code).values())
+    )
+    return frozenset(own - english)
+
+
+def _small(word: str) -> str:
+    return word.replace("İ", "i").replace("I", "ı").lower()
 
 
 def _line(code: str, line: str) -> str:

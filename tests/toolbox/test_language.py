@@ -281,3 +281,11 @@ def test_a_report_speaks_the_language_of_its_user(monkeypatch: pytest.MonkeyPatc
     for text in ('lang="en"', ">Spans<", ">Client<", ">yes<", ">0.2500<"):
         assert text in page
     assert "Yakınlaş" not in page
+
+
+def test_help_in_turkish_has_its_own_small_letters() -> None:
+    with language.speaking("tr"):
+        assert language.uncapitalised("Işığın geldiği yön") == "ışığın geldiği yön"
+        assert language.uncapitalised("Intensity") == "intensity"
+        assert language.uncapitalised("IoU") == "IoU"
+        assert [language.capitalised(word) for word in ("iki", "intensity")] == ["İki", "Intensity"]

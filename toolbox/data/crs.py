@@ -329,13 +329,21 @@ def own_unit(size: float, unit: Unit | None, power: int = 1, digits: int = 3) ->
     """
     if unit is None or not math.isfinite(size):
         return ""
-    name, metres = unit
-    own = size / metres**power
-    whole = _close(own, round(own))
-    text = f"{own:.{0 if whole else telling(abs(own), digits)}f}"
+    name, text = unit[0], own_number(size, unit, power, digits)
     raised = {1: "", 2: "²", 3: "³"}
     said = {-2: f"{text}/{name}²"} | {n: f"{text} {name}{sign}" for n, sign in raised.items()}
     return f" ({said[power]})"
+
+
+def own_number(size: float, unit: Unit, power: int = 1, digits: int = 3, least: int = 0) -> str:
+    """The number of :func:`own_unit` alone, with at least so many digits after the point.
+
+    >>> own_number(562.123, ("ft", 0.3048)), own_number(562.123, ("ft", 0.3048), least=2)
+    ('1844', '1844.24')
+    """
+    own = size / unit[1] ** power
+    whole = _close(own, round(own)) and not least
+    return f"{own:.{0 if whole else max(telling(abs(own), digits), least)}f}"
 
 
 def has_heights(crs: CRS) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from toolbox import language
 from toolbox.data import Rows, Section, Table
-from toolbox.data.crs import Unit, own_unit, unit_of_lengths
+from toolbox.data.crs import Unit, own_number, unit_of_lengths
 from toolbox.data.measures import UNIT, VALUE, unit_column
 from toolbox.data.report import Block, Column, column_of
 from toolbox.declare.show import Axis, Curve, Show
@@ -25,9 +25,11 @@ if TYPE_CHECKING:
 _POWERS = {"m": 1, "m2": 2, "m²": 2, "m3": 3, "m³": 3, "1/m2": -2, "1/m²": -2}
 _RAISED = {1: "{}", 2: "{}²", 3: "{}³", -2: "1/{}²"}
 _MORE = {-2: 1}  # digits that densities need in feet, of which there are ten to the square metre
-_NUMBER = r"(\d+(?:\.\d+)?)"
-_SAID = rf"(?<![\w.,:/]){_NUMBER} (m[23²³]?)(?![\w/²³])"  # a size in metres in a text
-_PART = rf"(?<![\w.,:/])(?:{_NUMBER} of )?{_SAID}"  # or how much of it
+_SIZE = r"[-+−]?\d+(?:\.\d+)?"
+_BETWEEN = r" of | to | - "  # a part of a size, the ends of a range, and these in Turkish
+# A size in metres in a text, a part or a range of them: no power of ten, and not what defines another.
+_SAID = rf"(?<![\w.,:/^+−-])({_SIZE})(?:({_BETWEEN})({_SIZE}))? (m[23²³]?)(?![\w/²³]| =)"
+_EXACT = (3, 2)  # digits after the point of exact metres, and the least of them in another unit
 _IN_METRES = "_m"  # end of the name of a column that holds in metres what another does
 
 
@@ -60,19 +62,31 @@ def in_both(text: str, own: Unit | None) -> str:
     --------
     >>> in_both("216 of 491 m of its outline of 20 m2 (215 ft²)", ("ft", 0.3048))
     '216 of 491 m (709 of 1611 ft) of its outline of 20 m2 (215 ft²)'
+    >>> in_both("-0.305 m at 3.1 to 12.5 m", ("ft", 0.3048))
+    '-0.305 m (-1.00 ft) at 3.1 to 12.5 m (10.2 to 41.0 ft)'
     """
     if own is None:
         return text
+    told = rf" \((?:{_SIZE}(?: to | of | - ))?{_SIZE}[ /]*{re.escape(own[0])}"
+    alone = rf"{_SAID}(?!{told})"
+    return re.sub(alone, lambda found: found[0] + _in_brackets(found, own), language.told(text))
 
-    def beside(found: re.Match[str]) -> str:
-        part, whole, power = found[1], float(found[2]), _POWERS[found[3]]
-        if not part:
-            return found[0] + own_unit(whole, own, power)
-        shown = own_unit(float(part), own, power).removesuffix(f" {_RAISED[power].format(own[0])})")
-        return f"{found[0]}{shown} of {own_unit(whole, own, power)[2:]}"
 
-    alone = rf"{_PART}(?! \([-\d.]+[ /]*{re.escape(own[0])})"
-    return re.sub(alone, beside, language.told(text))
+def _in_brackets(found: re.Match[str], own: Unit) -> str:
+    """A size, or a part of one, or both ends of a range, in the unit of the data."""
+    low, between, high, unit = found.groups()
+    power = _POWERS[unit]
+    ends = [
+        own_number(float(end.replace("−", "-")), own, power, least=_least(end))
+        for end in (low, high)
+        if end
+    ]
+    return f" ({(between or '').join(ends)} {_RAISED[power].format(own[0])})"
+
+
+def _least(size: str) -> int:
+    exact, least = _EXACT
+    return least if len(size.partition(".")[2]) >= exact else 0
 
 
 def drawn_in(table: Table, shows: Sequence[Show], own: Unit | None) -> Shown:

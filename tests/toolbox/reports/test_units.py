@@ -94,6 +94,13 @@ def test_axes_of_curves_are_in_feet(axis: Axis, unit: str, factor: float) -> Non
         ("0.40 m (95 %)", "0.40 m (1.31 ft) (95 %)"),
         ("3 of 40 m2", "3 of 40 m2 (32.3 of 431 ft²)"),
         ("206 of 1441 m of its outline", "206 of 1441 m (676 of 4728 ft) of its outline"),
+        ("mean -0.305 m, −3.048 m", "mean -0.305 m (-1.00 ft), −3.048 m (-10.00 ft)"),
+        ("1e-05 m, 10^3 m, 10^-3 m, 2-3 m", "1e-05 m, 10^3 m, 10^-3 m, 2-3 m"),
+        ("3.1 to 12.5 m wide", "3.1 to 12.5 m (10.2 to 41.0 ft) wide"),
+        ("-1 - 2 m2", "-1 - 2 m2 (-10.8 - 21.5 ft²)"),
+        ("-1 to 2 m (-3 to 7 ft)", "-1 to 2 m (-3 to 7 ft)"),
+        ("level 562.123 m", "level 562.123 m (1844.24 ft)"),
+        ("Files are in metres, 1 m = 3.2808 ft.", "Files are in metres, 1 m = 3.2808 ft."),
     ],
 )
 def test_sizes_in_texts_are_told_in_both_units_once(text: str, said: str) -> None:

@@ -162,7 +162,9 @@ def uncapitalised(text: str) -> str:
     """
     if (word := _WORD.match(text)) and word[0][1:] != word[0][1:].lower():
         return text
-    first = "ı" if text[:1] == "I" and _is_turkish(text) else text[:1].replace("İ", "i").lower()
+    first = (
+        "\u0131" if text[:1] == "I" and _is_turkish(text) else text[:1].replace("İ", "i").lower()
+    )
     return first + text[1:]
 
 
@@ -183,7 +185,7 @@ def _own_words(code: str) -> frozenset[str]:
 
 
 def _small(word: str) -> str:
-    return word.replace("İ", "i").replace("I", "ı").lower()
+    return word.replace("İ", "i").replace("I", "\u0131").lower()
 
 
 def _line(code: str, line: str) -> str:

@@ -79,7 +79,8 @@ def paired_rows(
         for name in ("f1", "iou"):
             low, high = limits[name]
             pair = each[0][name][k], each[1][name][k]
-            yield _row(f"{name} of {label}", "%", pair, (low[k], high[k]), "")
+            of = f"of {label.removeprefix('of ')}"  # one is called "of interest"
+            yield _row(f"{name} {of}", "%", pair, (low[k], high[k]), "")
 
 
 def _plain(name: str, value: float, unit: str, meaning: str) -> dict[str, Any]:

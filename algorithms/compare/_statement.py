@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
 import pandas as pd
 
 from algorithms.compare._spread import LEAST
@@ -36,6 +37,7 @@ NSSDA = "NSSDA, 1998, 3.2.2"
 EMPTIEST, APART = "NVA emptiest quarter", "NVA mean distance to next"  # items of a report
 WET = "Checkpoints on water"  # item of a report
 CENTIMETRES = 100.0  # in a metre; classes of the standard are centimetres
+_MOST = 4  # digits after the point of centimetres, a micrometre
 
 
 def statement(report: pd.DataFrame, unit: Unit | None = None) -> Iterator[str]:
@@ -64,17 +66,22 @@ the fit to the checkpoints and 4.0 cm these themselves.
     met = wanted is not None and count > 0 and found["NVA RMSEV"] <= wanted
     if met:
         yield " ".join(_prescribed(found, count))
-    elif count < FEWEST:
+    elif count < FEWEST and not (count and wanted):
         yield (
             f"Not tested by the {STANDARD}, which asks for {FEWEST} checkpoints without "
             f"vegetation; there are {count}. What follows is how well the surface fits these."
         )
     elif wanted is None:
         yield f"Tested at {count} checkpoints by the {STANDARD}; no accuracy class was asked for."
+    elif count < FEWEST:
+        yield (
+            f"Tested at {count} checkpoints, fewer than the {FEWEST} of the {STANDARD}: the "
+            f"vertical accuracy class of {_exact(wanted)} cm RMSEV is not met."
+        )
     else:
         yield (
             f"Tested at {count} checkpoints by the {STANDARD}: the vertical accuracy class of "
-            f"{wanted * CENTIMETRES:.3g} cm RMSEV is not met."
+            f"{_exact(wanted)} cm RMSEV is not met."
         )
     if count:
         yield from _distribution(report)
@@ -97,7 +104,7 @@ the fit to the checkpoints and 4.0 cm these themselves.
 
 def _prescribed(found: Mapping[str, float], count: int) -> Iterator[str]:
     """The sentences of the standard for a class that the errors meet."""
-    wanted = f"{found['NVA accuracy class'] * CENTIMETRES:.3g} (cm) RMSEV Vertical Accuracy Class"
+    wanted = f"{_exact(found['NVA accuracy class'])} (cm) RMSEV Vertical Accuracy Class"
     few = count < FEWEST
     if few:
         yield f"This data set was tested as required by {STANDARD}."
@@ -140,7 +147,9 @@ def _distribution(report: pd.DataFrame) -> Iterator[str]:
 def _actual(kind: str, found: Mapping[str, float], unit: Unit | None) -> str:
     """The RMSE found, and what it is made of."""
     sizes = [found[f"{kind} RMSEV{part}"] for part in ("", "1", "2")]
-    total, fit, own = (f"{x * CENTIMETRES:.1f} cm{own_unit(x, unit)}" for x in sizes)
+    _, fit, own = (f"{x * CENTIMETRES:.1f} cm{own_unit(x, unit)}" for x in sizes)
+    wanted = found.get(f"{kind} accuracy class")
+    total = f"{_beyond(sizes[0], wanted)} cm{own_unit(sizes[0], unit)}"
     if pd.isna(found[f"{kind} RMSEV2"]):
         return f"RMSEV {total}, the fit alone, as the error of the checkpoints is not given."
     return (
@@ -148,7 +157,30 @@ def _actual(kind: str, found: Mapping[str, float], unit: Unit | None) -> str:
     )
 
 
+def _exact(size: float) -> str:
+    """Metres that are given, such as a class, in centimetres without a power of ten.
+
+    >>> _exact(12.0), _exact(0.15), _exact(0.3048)
+    ('1200', '15', '30.48')
+    """
+    return np.format_float_positional(round(size * CENTIMETRES, _MOST), trim="-")
+
+
+def _beyond(size: float, wanted: float | None) -> str:
+    """Metres in centimetres, with so many digits that those beyond a class look so.
+
+    >>> _beyond(0.1002, 0.1), _beyond(0.0998, 0.1), _beyond(0.1002, None)
+    ('10.02', '10.0', '10.0')
+    """
+    digits = 1
+    if wanted is not None and size > wanted:
+        limit, found = wanted * CENTIMETRES, size * CENTIMETRES
+        while digits < _MOST and round(found, digits) <= limit:
+            digits += 1
+    return f"{size * CENTIMETRES:.{digits}f}"
+
+
 def horizontal(rmse: float | None) -> str:
     """What is to be said of the horizontal accuracy, which heights do not tell."""
-    stated = "" if rmse is None else f"; its maker states RMSEH {rmse * CENTIMETRES:.3g} cm"
+    stated = "" if rmse is None else f"; its maker states RMSEH {_exact(rmse)} cm"
     return f"Horizontal accuracy (RMSEH) was not tested{stated}."

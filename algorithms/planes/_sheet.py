@@ -216,7 +216,7 @@ class Sheet:
     def _block(self, rows: list[Line], right: float, low: float) -> float:
         """Draw a table whose lower right corner is given; its width."""
         first = (LETTER * max(len(name) for name, *_ in rows) + 2) * self.size
-        longest = max(WIDEST if about else len(text) for _, text, about in rows)
+        longest = max(max(len(text), WIDEST if about else 0) for _, text, about in rows)
         width = first + (LETTER * longest + 1) * self.size
         top, left = low + len(rows) * ROW * self.size, right - width
         for number, (name, text, about) in enumerate(rows):

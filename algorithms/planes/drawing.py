@@ -160,7 +160,7 @@ class PlanesDrawing:
         if len(walls):
             head = [
                 ("Project", "", "title"),
-                ("Drawing", self.subject or FRONTS, None),
+                ("Drawing", self.subject or FRONTS, "subject" if self.subject else None),
                 ("Client", "", "client"),
                 ("Number", self.number or "", "number"),
                 ("Date", "", "date"),

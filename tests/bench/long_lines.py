@@ -23,7 +23,7 @@ OUTPUTS = {
     "report": "r.html",
 }
 WAYS: dict[str, tuple[Any, ...]] = {
-    "in tiles": ("--tile", 1000, "--workers", 2, "--memory", "2GB"),
+    "in tiles": ("--tile", 1000, "--workers", 2, "--memory", "4GB"),
     "in one piece": (),
 }
 

@@ -235,8 +235,8 @@ def _how(spec: Spec) -> list[str]:
 def _checksums(sums: Mapping[str, str]) -> list[str]:
     """The checksums in the form that the usual program compares, whatever stands around them."""
     text = (
-        "SHA-256 of each file but .aux.xml, which a GIS changes; `sha256sum -c README.txt` compares "
-        "them; and of this text. By them a later run into this folder knows which files it may "
-        "replace; it stops at others."
+        "SHA-256 of each file but .aux.xml, which a GIS changes; `sha256sum -c README.txt` "
+        "compares them; and of this text. By them a later run into this folder knows which "
+        "files it may replace; it stops at others."
     )
     return [*_wrapped(text), "", *(f"{found}  {name}" for name, found in sums.items())]

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 _POWERS = {"m": 1, "m2": 2, "m²": 2, "m3": 3, "m³": 3, "1/m2": -2, "1/m²": -2}
 _RAISED = {1: "{}", 2: "{}²", 3: "{}³", -2: "1/{}²"}
 _MORE = {-2: 1}  # digits that densities need in feet, of which there are ten to the square metre
-_SIZE = r"[-+−]?\d+(?:\.\d+)?"
-_BETWEEN = r" of | to | - "  # a part of a size, the ends of a range, and these in Turkish
-# A size in metres in a text, a part or a range of them: no power of ten, and not what defines another.
-_SAID = rf"(?<![\w.,:/^+−-])({_SIZE})(?:({_BETWEEN})({_SIZE}))? (m[23²³]?)(?![\w/²³]| =)"
+_SIZE = r"[-+\u2212]?\d+(?:\.\d+)?"
+_BETWEEN = r" of | to | - "  # a part and its whole, the ends of a range; the last in Turkish
+# Metres in a text, a part or a range of them: no power of ten, and not what defines another unit.
+_SAID = rf"(?<![\w.,:/^+\u2212-])({_SIZE})(?:({_BETWEEN})({_SIZE}))? (m[23²³]?)(?![\w/²³]| =)"
 _EXACT = (3, 2)  # digits after the point of exact metres, and the least of them in another unit
 _IN_METRES = "_m"  # end of the name of a column that holds in metres what another does
 
@@ -67,7 +67,7 @@ def in_both(text: str, own: Unit | None) -> str:
     """
     if own is None:
         return text
-    told = rf" \((?:{_SIZE}(?: to | of | - ))?{_SIZE}[ /]*{re.escape(own[0])}"
+    told = rf" \((?:{_SIZE}(?:{_BETWEEN}))?{_SIZE}[ /]*{re.escape(own[0])}"
     alone = rf"{_SAID}(?!{told})"
     return re.sub(alone, lambda found: found[0] + _in_brackets(found, own), language.told(text))
 
@@ -77,7 +77,7 @@ def _in_brackets(found: re.Match[str], own: Unit) -> str:
     low, between, high, unit = found.groups()
     power = _POWERS[unit]
     ends = [
-        own_number(float(end.replace("−", "-")), own, power, least=_least(end))
+        own_number(float(end.replace("\u2212", "-")), own, power, least=_least(end))
         for end in (low, high)
         if end
     ]

@@ -288,7 +288,9 @@ def test_the_largest_errors_keep_the_names_of_the_checkpoints() -> None:
         (40, 0.2, "the vertical accuracy class of 20 cm RMSEV is not met"),
         (40, None, "no accuracy class was asked for"),
         (29, 0.5, "using ONLY 29 checkpoints.* produced to meet a 50 .*NVA.* reduced number of"),
-        (29, 0.4, "Not tested by the ASPRS .* asks for 30 checkpoints .*; there are 29"),
+        (29, 0.4, "^Tested at 29 checkpoints, fewer than the 30 of .* of 40 cm RMSEV is not met"),
+        (40, 12.0, r"for a 1200 \(cm\) RMSEV"),
+        (40, 0.4999, r"class of 49\.99 cm RMSEV is not met"),
         (29, None, "Not tested by the ASPRS .* asks for 30 checkpoints .*; there are 29"),
     ],
 )
@@ -306,6 +308,13 @@ def test_the_statement_says_whether_the_class_is_met(
         assert "at 5 checkpoints: RMSEV 72.1 cm" in said
     else:
         assert f"(NVA) at {count} checkpoints: RMSEV 30.0 cm, the fit alone" in said
+
+
+def test_an_error_just_beyond_the_class_does_not_look_like_it() -> None:
+    rows = report("NVA", np.full(40, 0.1002), None, 0.1)
+    said = "\n".join(statement(pd.DataFrame(rows)))
+    assert "of 10 cm RMSEV is not met" in said
+    assert "RMSEV 10.02 cm" in said
 
 
 def test_the_statement_is_what_the_tool_says_and_horizontal_accuracy_is_not_tested() -> None:

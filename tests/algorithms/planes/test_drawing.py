@@ -73,12 +73,12 @@ def test_what_nobody_told_stays_an_empty_field(tmp_path: Path) -> None:
 
 
 def test_a_set_in_another_language_has_its_title_block_in_it() -> None:
-    found = PlanesDrawing(elevation=elevation(), unit="m", number="2.5").run()
+    found = PlanesDrawing(elevation=elevation(), unit="m", number="2.5", subject="Blok 1.2").run()
     with language.speaking("tr"):
         drawn = found.drawing.with_head({"title": "Client"}).frame
     said = texts(drawn, "title")
     assert {"Proje", "Ölçek", "Kaynak"} <= set(said)
-    assert {"Client", "2.5"} <= set(said), "what people have called it stays"
+    assert {"Client", "2.5", "Blok 1.2"} <= set(said), "what people have called it stays"
     numbers = [*texts(drawn, "dimensions"), *texts(drawn, "levels")]
     assert any("," in text for text in numbers)
     assert not any("." in text for text in numbers)

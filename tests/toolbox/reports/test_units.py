@@ -94,7 +94,7 @@ def test_axes_of_curves_are_in_feet(axis: Axis, unit: str, factor: float) -> Non
         ("0.40 m (95 %)", "0.40 m (1.31 ft) (95 %)"),
         ("3 of 40 m2", "3 of 40 m2 (32.3 of 431 ft²)"),
         ("206 of 1441 m of its outline", "206 of 1441 m (676 of 4728 ft) of its outline"),
-        ("mean -0.305 m, −3.048 m", "mean -0.305 m (-1.00 ft), −3.048 m (-10.00 ft)"),
+        ("mean -0.305 m, \u22123.048 m", "mean -0.305 m (-1.00 ft), \u22123.048 m (-10.00 ft)"),
         ("1e-05 m, 10^3 m, 10^-3 m, 2-3 m", "1e-05 m, 10^3 m, 10^-3 m, 2-3 m"),
         ("3.1 to 12.5 m wide", "3.1 to 12.5 m (10.2 to 41.0 ft) wide"),
         ("-1 - 2 m2", "-1 - 2 m2 (-10.8 - 21.5 ft²)"),

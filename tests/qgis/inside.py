@@ -933,6 +933,10 @@ def check_a_set_is_handed_over_and_its_layers_are_loaded() -> None:
         layer = QgsProcessingUtils.mapLayerFromString(path, ctx)
         assert layer is not None, path
         assert layer.isValid(), path
+        details.postProcessor().postProcessLayer(layer, ctx, feedback)
+        if path.endswith("contours.gpkg|layername=contours"):
+            loaded = {str(c.value()): c.symbol().width() for c in layer.renderer().categories()}
+            assert loaded == widths, loaded
 
 
 def check_a_set_is_handed_over_whole_or_not_at_all() -> None:

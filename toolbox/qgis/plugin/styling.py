@@ -90,7 +90,9 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
             QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, _in_words(_band(layer)))
         try:
             if not has_style_of_user(layer, *self.output):
-                if not has_style_inside(layer):
+                if has_style_inside(layer):
+                    layer.loadDefaultStyle()  # QGIS does not, of results of a tool
+                else:
                     style(layer, self.colours, self.field)
                 if layer.type() == QgsMapLayerType.VectorLayer:
                     columns.name(layer, self.colours["columns"] | self.field.get("columns", {}))

@@ -155,14 +155,19 @@ def _add(group: Any, name: str, *, help: str, **how: Any) -> None:
     group.add_argument(*names, dest=name, action="append", help=help.replace("%", "%%"), **how)
 
 
-def _add_usual(group: Any, delivered: Iterable[Description]) -> None:
-    """Add what most runs need."""
+def add_assumed(group: Any) -> None:
+    """Add the CRS of files that state none."""
     group.add_argument(
         "--assume-crs",
         "--assume_crs",
         metavar="CRS",
         help=language.text("CRS of files that state none, or local"),
     )
+
+
+def _add_usual(group: Any, delivered: Iterable[Description]) -> None:
+    """Add what most runs need."""
+    add_assumed(group)
     group.add_argument(
         "--overwrite", action="store_true", help=language.text("let outputs replace files")
     )

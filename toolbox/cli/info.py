@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Raster, Table, Vector, drivers
-from toolbox.data.crs import describe_crs
+from toolbox.data.crs import describe_crs, parse_crs
 from toolbox.data.paths import Paths, PointFiles, missing
 from toolbox.data.remote.address import as_path
 from toolbox.data.text import is_number, standard_names
@@ -27,7 +28,7 @@ Row = dict[str, Any]
 
 
 @memory_named()
-def describe_file(paths: Paths, ctx: Context = QUIET) -> Table:
+def describe_file(paths: Paths, ctx: Context = QUIET, assume_crs: CRS | None = None) -> Table:
     """Make a table of the properties of a layer: rows of property, value and unit.
 
     A CSV file whose columns include x, y and z, or have no names, is a point cloud, and any other
@@ -36,6 +37,7 @@ def describe_file(paths: Paths, ctx: Context = QUIET) -> Table:
     Parameters
     ----------
     paths : a file, or files of points: a folder, a pattern, a VPC, or a list of these
+    assume_crs : of layers that state none
 
     Raises
     ------
@@ -49,39 +51,45 @@ def describe_file(paths: Paths, ctx: Context = QUIET) -> Table:
         raise ParameterError(f"there is no file {', '.join(absent)}")
     path = as_path(items[0])
     if len(items) > 1 or not path.is_file():
-        return _points(items, ctx)
+        return _points(items, ctx, assume_crs)
     suffix = path.suffix.lower()
     if suffix in RASTERS:
-        return _table(_raster(Raster.open(path, ctx=ctx)))
+        return _table(_raster(Raster.open(path, ctx=ctx, assume_crs=assume_crs)))
     if suffix in VECTORS or (suffix == ".parquet" and Vector.layers(path)):
-        return _table(_vectors(path, ctx))
+        return _table(_vectors(path, ctx, assume_crs))
     if suffix in TABLES or (suffix == ".csv" and not _holds_points(path)):
         return _table(_rows_of_table(Table.open(path, ctx=ctx)))
-    return _points(items, ctx)
+    return _points(items, ctx, assume_crs)
 
 
-def describe_files(paths: Sequence[str], ctx: Context = QUIET) -> list[Table]:
+def describe_files(
+    paths: Sequence[str], ctx: Context = QUIET, assume_crs: str | None = None
+) -> list[Table]:
     """One table, as of `describe_file`; one of each file, also of a folder, that are no survey.
 
     Raises
     ------
     ParameterError, DataError
-        As of `describe_file`, for any of the files.
+        As of `describe_file`, for any of the files; or `assume_crs` is no CRS.
     """
     try:
-        return [describe_file(paths, ctx)]
+        crs = parse_crs(assume_crs) if assume_crs else None
+    except ValueError as error:
+        raise ParameterError("info", {"assume_crs": str(error)}) from None
+    try:
+        return [describe_file(paths, ctx, crs)]
     except DataError as error:
         folder = len(paths) == 1 and as_path(paths[0]).is_dir()
         files = PointFiles.of(paths).paths if folder else paths
         if len(files) < 2:
             raise
-        made = [describe_file(path, ctx) for path in files]
+        made = [describe_file(path, ctx, crs) for path in files]
         log.warning("the files are described one by one, as they are no survey: %s", error)
         return made
 
 
-def _points(paths: Paths, ctx: Context) -> Table:
-    made: Table = run("points.info", {"points": paths}, ctx=ctx)["table"]
+def _points(paths: Paths, ctx: Context, crs: CRS | None) -> Table:
+    made: Table = run("points.info", {"points": paths}, assume_crs=crs, ctx=ctx)["table"]
     return made
 
 
@@ -133,19 +141,21 @@ def _raster(raster: Raster) -> Iterator[Row]:
             yield _row(f"{band} maximum", float(known.max()), unit)
 
 
-def _vectors(path: Path, ctx: Context) -> Iterator[Row]:
+def _vectors(path: Path, ctx: Context, crs: CRS | None) -> Iterator[Row]:
     """Describe one layer or table in full, or list several."""
     names, tables = Vector.layers(path), Table.layers(path)
     if len(names) + len(tables) < 2:
         yield from (
-            _rows_of_table(Table.open(path)) if tables else _vector(Vector.open(path, ctx=ctx))
+            _rows_of_table(Table.open(path))
+            if tables
+            else _vector(Vector.open(path, ctx=ctx, assume_crs=crs))
         )
         return
     yield _row("file", path.name)
     yield _row("layers", len(names) + len(tables))
     for index, name in enumerate(names):
         share = index / len(names), (index + 1) / len(names)
-        layer = Vector.open(path, layer=name, ctx=ctx.part(*share))
+        layer = Vector.open(path, layer=name, ctx=ctx.part(*share), assume_crs=crs)
         yield _row(f"layer {name}", _geometry(layer))
         yield _row(f"layer {name} crs", _crs(layer))
         yield _row(f"layer {name} features", len(layer))

@@ -156,6 +156,7 @@ def _parser() -> argparse.ArgumentParser:
     made["list"].add_argument("word", nargs="*", help=text)
     made["describe"].add_argument("id")
     made["info"].add_argument("file", nargs="+")
+    arguments.add_assumed(made["info"])
     made["history"].add_argument("--limit", type=int, default=20, help="number of runs (20)")
     made["provenance"].add_argument("file")
     metadata_cli.declare(made["metadata"])
@@ -194,7 +195,7 @@ def _info(args: argparse.Namespace, console: Console) -> None:
 
     with console.progress() as report:
         tables = stoppable(
-            lambda ctx: describe_files(args.file, ctx),
+            lambda ctx: describe_files(args.file, ctx, args.assume_crs),
             report,
             farewell=lambda: console.error(Cancelled()),
         )

@@ -13,7 +13,7 @@ from toolbox.pictures.images import OTHER, Key, Ramp, ramp_of
 
 _MOST_WORDS = len(OTHER)  # each has a colour of its own
 _RANGES = 6  # of numbers, as classes
-_UNKNOWN = "#9a9a9a"
+UNKNOWN = "#9a9a9a"  # features without a value
 
 Colouring = Classes | Values | OfClass | Isolines | Texts
 Coloured = tuple[Vector, Colouring | None]
@@ -70,7 +70,7 @@ def feature_classes(features: Coloured) -> list[tuple[str, str, NDArray[np.bool_
             (name, colour, (texts == word) & known)
             for word, (name, colour) in zip(found, key.values(), strict=True)
         ]
-    classes.append(("not known", _UNKNOWN, ~known))
+    classes.append(("not known", UNKNOWN, ~known))
     return [(name, colour, own) for name, colour, own in classes if own.any()]
 
 
@@ -84,9 +84,9 @@ def feature_colours(features: Coloured, key: Key) -> NDArray[Any]:
         values = layer.frame[show.attribute].to_numpy(float)
         share = np.clip((values - key.low) / (key.high - key.low), 0, 1)
         rgba = np.array(key.colour_map()(np.nan_to_num(share)), np.float64)
-        rgba[~np.isfinite(values)] = to_rgba(_UNKNOWN)
+        rgba[~np.isfinite(values)] = to_rgba(UNKNOWN)
         return rgba
     words = layer.frame[show.attribute]
     known = sorted(str(word) for word in words.dropna().unique())
     table = {w: to_rgba(colour) for w, (_, colour) in zip(known, key.values(), strict=True)}
-    return np.array([table.get(w, to_rgba(_UNKNOWN)) for w in words.astype(str)]).reshape(-1, 4)
+    return np.array([table.get(w, to_rgba(UNKNOWN)) for w in words.astype(str)]).reshape(-1, 4)

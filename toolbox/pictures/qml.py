@@ -7,14 +7,17 @@ QGIS 3.22, QgsVectorLayer::writeSymbology: what it reads again of `renderer-v2` 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree
+
+import numpy as np
 
 from toolbox import language
 from toolbox.data import Vector
 from toolbox.declare.show import Classes, Isolines, Show, Texts, colour_of
-from toolbox.pictures.features import feature_key
+from toolbox.pictures.features import UNKNOWN, feature_key
 
 _VERSION = "3.22.0"  # of QGIS, the oldest that the plugin knows
 _LINE = "#1f3a5f"  # of layers that declare no colour, as in our plots
@@ -22,10 +25,15 @@ _THIN, _HEAVY, _DOT = 0.15, 0.5, 2.0  # millimetres
 _TEXT, _EDGE = 7.0, 0.7  # points, and millimetres around letters
 _SOLID, _LIGHT = 255, 102  # opacity; that of areas, as on the maps of reports
 _SYMBOLS = (("marker", "SimpleMarker"), ("line", "SimpleLine"), ("fill", "SimpleFill"))
+_OTHERS = ""  # value of the category of QGIS for features whose value has none, such as null
+_NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_INSTEAD = "\ufffd"
 _OVER_POINT, _ALONG_LINE, _ON_LINE = "1", "2", "1"  # numbers of QgsPalLayerSettings, QgsLabeling
 
 _Symbol = tuple[str, float]
 """Colour and width in millimetres."""
+_Look = tuple[str, str, str, _Symbol]
+"""Value, its type, label and symbol of a category."""
 
 
 def style(layer: Vector, shows: Sequence[Show]) -> str:
@@ -47,7 +55,7 @@ def style(layer: Vector, shows: Sequence[Show]) -> str:
     if not any(_as_declared(made, layer, show) for show in shows):
         renderer = ElementTree.SubElement(made, "renderer-v2", type="singleSymbol")
         _symbols(renderer, layer, [(colour_of(shows, _LINE), _HEAVY)])
-    return ElementTree.tostring(made, encoding="unicode")
+    return _NOT_IN_XML.sub(_INSTEAD, ElementTree.tostring(made, encoding="unicode"))
 
 
 def _as_declared(made: ElementTree.Element, layer: Vector, show: Show) -> bool:
@@ -61,18 +69,28 @@ def _as_declared(made: ElementTree.Element, layer: Vector, show: Show) -> bool:
             ElementTree.SubElement(made, "renderer-v2", type="nullSymbol")
             _labels(made, f'"{show.text}"', placement=_OVER_POINT, angle=show.angle)
         case Classes() if isinstance(key := feature_key((layer, show)), Mapping):
-            words = sorted(map(str, layer.frame[show.attribute].dropna().unique()))
-            looks = [
-                (word, "string", language.text(label), (colour, _HEAVY))
-                for word, (label, colour) in zip(words, key.values(), strict=True)
-            ]
-            _categories(made, layer, show.attribute, looks)
+            _categories(made, layer, show.attribute, list(_of_classes(layer, show, key)))
         case _:
             return False
     return True
 
 
-def _of_isolines(show: Isolines) -> list[tuple[str, str, str, _Symbol]]:
+def _of_classes(
+    layer: Vector, show: Classes, key: Mapping[int, tuple[str, str]]
+) -> Iterator[_Look]:
+    """A category for each word, and one for features without any, as our maps have it."""
+    values = layer.frame[show.attribute]
+    found = {str(value): value for value in values.dropna().unique()}
+    for word, (label, colour) in zip(sorted(found), key.values(), strict=True):
+        if isinstance(found[word], bool | np.bool_):
+            yield word.lower(), "bool", language.text(label), (colour, _HEAVY)
+        else:
+            yield word, "string", language.text(label), (colour, _HEAVY)
+    if values.isna().any():
+        yield _OTHERS, "string", language.text("not known"), (UNKNOWN, _HEAVY)
+
+
+def _of_isolines(show: Isolines) -> list[_Look]:
     return [
         ("true", "bool", language.text("Index lines"), (show.colour, _HEAVY)),
         ("false", "bool", language.text("Lines between"), (show.colour, _THIN)),
@@ -83,7 +101,7 @@ def _categories(
     made: ElementTree.Element,
     layer: Vector,
     attribute: str,
-    looks: Sequence[tuple[str, str, str, _Symbol]],
+    looks: Sequence[_Look],
 ) -> None:
     """A symbol for each value, given with its type, label and symbol."""
     renderer = ElementTree.SubElement(made, "renderer-v2", type="categorizedSymbol", attr=attribute)

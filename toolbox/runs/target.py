@@ -161,6 +161,8 @@ class Target:
         for suffix, content in self.special.items():
             if path.name.lower().endswith(suffix) and suffix not in self.suffixes:
                 return f"{suffix} holds {content}, which this output has not; write .gpkg"
+        if self.layer and self.layer.lower() == geopackage.STYLES:
+            return f"QGIS keeps styles in the layer {self.layer}; choose another name"
         if other := foreign_side_car(path):
             return f"{other} stands where its record would be written; choose another name"
         if self.is_las and (other := foreign_packets(path)):

@@ -210,3 +210,16 @@ def test_sentences_are_in_the_language_of_the_user(
     monkeypatch.setenv("COLUMNS", "80")
     assert main(["info", str(tmp_path / "a.laz")]) == 0
     assert "veride belirtilmemiş" in capsys.readouterr().out
+
+
+def test_a_crs_that_files_lack_may_be_stated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("x,y,z\n500001,4500002,3\n")
+    frame = outlines(shapely.box(5e5, 45e5, 5.1e5, 45.1e5)).frame.set_crs(None, allow_override=True)
+    Vector(frame).save(tmp_path / "b.gpkg")
+    for name in ("a.csv", "b.gpkg"):
+        assert main(["info", str(tmp_path / name), "--assume-crs", "EPSG:32635"]) == 0
+        assert "EPSG:32635 WGS 84 / UTM zone 35N" in capsys.readouterr().out
+    assert main(["info", str(tmp_path / "a.csv"), "--assume-crs", "nonsense"]) == 2
+    assert "assume_crs: 'nonsense' is not a CRS" in capsys.readouterr().err

@@ -51,8 +51,21 @@ def test_words_have_their_colours_and_names() -> None:
     looks = {"tree": ("Trees, high", "#102030")}
     made = styled([DOT] * 4, Classes("kind", looks), kind=["tree", "pole", None, "tree"])
     found = [(c.attrib["value"], c.attrib["label"]) for c in made.iter("category")]
-    assert found == [("pole", "pole"), ("tree", "Trees, high")]
-    assert options(made, "color")[1] == "16,32,48,255"
+    assert found == [("pole", "pole"), ("tree", "Trees, high"), ("", "not known")]
+    assert options(made, "color")[1:] == ["16,32,48,255", "154,154,154,255"]
+    made = styled([DOT] * 2, Classes("kind", looks), kind=["tree", "pole"])
+    assert "" not in [c.attrib["value"] for c in made.iter("category")], "all are known"
+
+
+def test_yes_and_no_are_those_of_qgis() -> None:
+    made = styled([DOT] * 3, Classes("seen", {}), seen=[True, None, False])
+    found = [(c.attrib["value"], c.attrib["type"]) for c in made.iter("category")]
+    assert found == [("false", "bool"), ("true", "bool"), ("", "string")]
+
+
+def test_characters_that_xml_does_not_have_are_replaced() -> None:
+    made = styled([DOT], Classes("kind", {}), kind=["a\x0bb\x00 & \u0131"])
+    assert [c.attrib["label"] for c in made.iter("category")] == ["a\ufffdb\ufffd & \u0131"]
 
 
 def test_index_lines_are_heavy_and_have_their_height() -> None:

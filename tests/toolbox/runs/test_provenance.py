@@ -531,5 +531,10 @@ def test_two_outputs_cannot_be_one_layer(folder: Path) -> None:
         toolbox.run(
             "compare.classes", {**values, "table": place, "strata": {**place, "layer": "RATES"}}
         )
+    styles = {"path": folder / "all.gpkg", "layer": "Layer_Styles"}
+    with pytest.raises(
+        ParameterError, match=r"QGIS keeps styles in the layer Layer_Styles; choose"
+    ):
+        toolbox.run("compare.classes", {**values, "strata": styles})
     with pytest.raises(ParameterError, match=r"errors: cannot write .gpkg"):
         toolbox.run("compare.classes", {**values, "table": place, "errors": folder / "all.gpkg"})

@@ -59,7 +59,8 @@ class CorridorCatenaries:
 
     The lines run in three dimensions from support to support, and carry the horizontal tension
     over weight c, the lowest point, sag, length, the swing by wind, the scatter of the points and
-    the covariance of the fit.
+    the covariance of the fit. The formula stands under "A wire from its columns" on the page of
+    power lines.
     """
 
     points: PointCloud = source("Points with classified wires")

@@ -43,7 +43,7 @@ from algorithms.corridor._extraction.missed import (
     with_gaps,
 )
 from algorithms.corridor._extraction.points import CorridorPoints
-from algorithms.corridor._extraction.spans import Wire, on_wire
+from algorithms.corridor._extraction.spans import Wire, nearest_wires
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import Tower, dressed
 from algorithms.corridor._settings import SETTINGS
@@ -78,9 +78,11 @@ class CorridorExtract:
     together: the ground is found first, or taken from the classes given. Of points that have
     HeightAboveGround that is the height, unless classes are given.
 
-    `wires` has one catenary per conductor and span, as a line in three dimensions; `towers` one
-    point per tower, at its foot. A span needs the whole of its wires, so the tool looks at the
-    whole cloud; corridor.candidates chooses the points that it needs of a large one.
+    `wires` has one catenary per conductor and span, as a line in three dimensions and, under "A
+    wire from its columns" on the page of power lines, as a formula; `towers` one point per tower,
+    at its foot. A point near several wires, as of a bundle, belongs to the nearest. A span needs
+    the whole of its wires, so the tool looks at the whole cloud; corridor.candidates chooses the
+    points that it needs of a large one.
     """
 
     points: PointCloud = source("Points of a corridor, with the ground below the line")
@@ -214,11 +216,12 @@ def finished(
 def label_points(line: PowerLine, corridor: Corridor, own: NDArray[np.int64]) -> None:
     """Enter the labels of the points of wires and towers; `own` are the points in the air."""
     wire, span, tower, confidence = (line.labels[name] for name in (*LABEL_NUMBERS, "confidence"))
-    for one in line.wires:
-        near, away, radius = on_wire(corridor, one)
-        points = own[near]
-        wire[points], span[points] = one.wire, one.span
-        confidence[points] = 1 - 0.5 * (away / radius) ** 2
+    which, share = nearest_wires(corridor, line.wires)
+    on_it = which >= 0
+    points, which = own[on_it], which[on_it]
+    wire[points] = np.array([one.wire for one in line.wires])[which]
+    span[points] = np.array([one.span for one in line.wires])[which]
+    confidence[points] = 1 - 0.5 * share[on_it] ** 2
     for number, one_tower in enumerate(line.towers, start=1):
         points = own[one_tower.points]
         points = points[wire[points] == 0]

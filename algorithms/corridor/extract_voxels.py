@@ -28,7 +28,7 @@ from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.points import CorridorPoints
-from algorithms.corridor._extraction.spans import Wire, on_wire
+from algorithms.corridor._extraction.spans import Wire, nearest_wires
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor._voxels.growing import GrowTo, SlopeTest, grown
 from algorithms.corridor._voxels.hull import Hull
@@ -278,8 +278,8 @@ class CorridorExtractVoxels:
         wires, _ = follow(corridor, voxel, self.wire_gap / metre, widths, ctx)
         if wire.any() and not wires:
             log.warning("no catenary was found among %d points of wires", np.count_nonzero(wire))
-        near = [on_wire(corridor, one)[0] for one in wires]
-        return [(one, own[wire[own]]) for one, own in zip(wires, near, strict=True)]
+        which, _ = nearest_wires(corridor, wires)
+        return [(one, np.flatnonzero(wire & (which == k))) for k, one in enumerate(wires)]
 
     def _warn(self, points: CorridorPoints, found: Found, far: Floats) -> None:
         """Log why no line was found, or that it seems to go on below the height.

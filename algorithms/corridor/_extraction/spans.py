@@ -83,6 +83,26 @@ def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:
     return *corridor.air.around(wire.curve, radius), radius
 
 
+def nearest_wires(corridor: Corridor, wires: Sequence[Wire]) -> tuple[Ints, Floats]:
+    """The wire of each of the n points in the air: the nearest of those that it is on.
+
+    Subconductors are nearer to each other than points scatter, so many are on two.
+
+    Returns
+    -------
+    array of shape (n,), indices of wires, -1 for none
+    array of shape (n,), distance from it as a share of the largest allowed, 0 for none
+    """
+    which = np.full(len(corridor.air.xyz), -1)
+    least, share = np.full(len(which), np.inf), np.zeros(len(which))
+    for number, wire in enumerate(wires):
+        near, away, radius = on_wire(corridor, wire)
+        nearer = away < least[near]
+        near, away = near[nearer], away[nearer]
+        which[near], least[near], share[near] = number, away, away / radius
+    return which, share
+
+
 # --- spans ---------------------------------------------------------------------------------
 
 

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+import shapely
 from scenes.corridors import cloud, line, wire
 
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._extraction.layers import catenaries_of
+from algorithms.corridor._extraction.layers import catenaries_of, wire_layer
+from algorithms.corridor._extraction.spans import Wire
 from algorithms.corridor.catenaries import CorridorCatenaries
 from toolbox.declare import ClassList
 from toolbox.errors import ParameterError
+
+ROOT = Path(__file__).parents[3]
 
 
 def test_the_catenary_obeys_its_equation() -> None:
@@ -23,6 +32,29 @@ def test_the_catenary_obeys_its_equation() -> None:
     assert curve.arc == pytest.approx(steps.sum(), abs=1e-4)
     chord = 20 + 0.06 * np.linspace(0, 100, 10_001)
     assert curve.sag == pytest.approx((chord - fine[:, 2]).max(), abs=1e-5)
+
+
+@pytest.mark.parametrize("metre", [1.0, 3.28083333])
+def test_the_formula_of_the_page_gives_the_lines_of_the_layer(metre: float) -> None:
+    page = (ROOT / "docs/explanation/power-lines.md").read_text("utf-8")
+    (block,) = re.findall(
+        r"^```python\n(.*?)^```", page.partition("## A wire from its columns")[2], re.M | re.S
+    )
+    names: dict[str, Any] = {}
+    exec(block, names)
+    uphill = Catenary(3, 4, 0.6, -0.8, 100, 20, 36, 1 / 300, 0.1, 0.01, 0.2, 0.03, 9, np.eye(3))
+    curves = uphill, replace(uphill, ex=-0.6, ey=0.8, swing=-0.4), replace(uphill, swing=0.0)
+    wires = [Wire(curve, (0, 1), (0.0, 100.0), 0.25, 1, 1, k) for k, curve in enumerate(curves)]
+    layer = wire_layer(wires, np.array([5e5, 4e6, 100.0]), metre, None).frame
+    for row, shape in zip(layer.to_dict("records"), layer.geometry, strict=True):
+        corners = shapely.get_coordinates(shape, include_z=True)
+        made = names["positions"](row, len(corners), metre)
+        np.testing.assert_allclose(made, corners, rtol=0, atol=5e-9)  # 4e6 has steps of 5e-10
+
+
+def test_a_swing_above_0_is_to_the_left() -> None:
+    north = Catenary(0, 0, 0, 1, 100, 20, 20, 1 / 300, swing=0.2)
+    assert north.points(np.array([0.0, 50.0]))[:, 0] == pytest.approx([0, -0.2 * north.sag])
 
 
 def test_a_part_of_a_catenary_is_the_same_curve() -> None:

@@ -43,17 +43,18 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
+from algorithms.corridor._extraction.labels import none_labelled
 from algorithms.corridor._extraction.missed import (
     conductor_counts,
     seen_share,
     warn_of_edges,
     warn_of_missed,
 )
-from algorithms.corridor._extraction.spans import Wire, stands_alone, upheld
+from algorithms.corridor._extraction.spans import Wire, on_wire, stands_alone, upheld
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
 from algorithms.corridor._settings import SETTINGS
-from algorithms.corridor.extract import CorridorExtract
+from algorithms.corridor.extract import CorridorExtract, PowerLine, label_points
 from algorithms.samples.scene import SamplesScene
 from toolbox.data import PointCloud, Vector
 from toolbox.declare import ClassList
@@ -795,6 +796,10 @@ def test_bundles_and_noisy_wires_in_hills_are_found_whole(
     assert result.span_count == 3
     assert len(result.wires.frame) == 9 * len(bundle)
     assert quality(said == 14, true == 14) > 0.96
+    own = result.classified["wire_id"], result.classified["span_id"]
+    for row in result.wires.frame.itertuples():
+        carried = np.count_nonzero((own[0] == row.wire_id) & (own[1] == row.span_id))
+        assert carried == pytest.approx(row.points, rel=0.15)
     feet = np.sort(result.towers.frame.geometry.x - CORNER[0])
     for place in (430, 850):
         assert np.abs(feet - place).min() < 2
@@ -874,6 +879,33 @@ def test_a_wire_found_beside_others_stands_alone(leaves: int) -> None:
     corridor = in_free_air(Airborne.of(np.vstack([points, hedge])))
     one = Wire(curve, (-1, -1), (0.0, 60.0), 0.25)
     assert stands_alone(corridor, one, corridor.on([curve])) == (leaves == 0)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_a_point_on_both_subconductors_of_a_bundle_is_of_the_nearer_one(turned: int) -> None:
+    """They hang 0.45 m apart, and points scatter by 0.2 m: in whatever order they come."""
+    made = [wire((0, aside, 9), (90, aside, 14), 900, noise=0.2) for aside in (0.0, 0.45)]
+    corridor = in_free_air(Airborne.of(np.vstack([points for _, points in made])))
+    curves = [replace(curve, rms=0.28) for curve, _ in made][::turned]
+    wires = [
+        Wire(curve, (-1, -1), (0.0, 90.0), 0.625, span=7, wire=k)
+        for k, curve in enumerate(curves, 1)
+    ]
+    line = PowerLine(none_labelled(len(corridor.air.xyz)), wires)
+    label_points(line, corridor, np.arange(len(corridor.air.xyz)))
+    reached = [np.isin(np.arange(len(corridor.air.xyz)), on_wire(corridor, w)[0]) for w in wires]
+    said, nearer = (
+        line.labels["wire_id"],
+        1 + np.argmin([curve.away(corridor.air.xyz) for curve in curves], axis=0),
+    )
+    both, any_of_them = np.all(reached, axis=0), np.any(reached, axis=0)
+    assert both.mean() > 0.5
+    np.testing.assert_array_equal(said, np.where(any_of_them, nearer, 0))
+    np.testing.assert_array_equal(line.labels["span_id"], np.where(any_of_them, 7, 0))
+    away = np.min([curve.away(corridor.air.xyz) for curve in curves], axis=0)[any_of_them]
+    radius = on_wire(corridor, wires[0])[2]
+    clear = line.labels["confidence"][any_of_them]
+    np.testing.assert_allclose(clear, 1 - 0.5 * (away / radius) ** 2, rtol=1e-6)
 
 
 def test_a_pole_at_which_a_line_branches_off_is_one() -> None:

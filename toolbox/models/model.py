@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from types import SimpleNamespace
 from typing import Any
 
+from toolbox import language
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey
 from toolbox.declare.delivered import Delivered
@@ -380,7 +381,8 @@ class ModelRun:
         if self.gaps and any(values.get(n) is None for n in needed):
             return SimpleNamespace(**dict.fromkeys(step.spec.outputs))
         job = step.spec.build(values, where)
-        ctx.stage(f"Step {name}: {step.spec.title}")
+        title = language.text(step.spec.title)
+        ctx.stage(language.text("Step {name}: {title}").format(name=name, title=title))
         try:
             if not isinstance(job, ModelRun):
                 return self.runner(name, job, ctx)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from toolbox import catalog
+from toolbox import catalog, language
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster, Table
 from toolbox.declare import ClassList
@@ -414,6 +414,14 @@ OPTIONAL = f"""
 a: {SHIFT}, when: {{from: inputs.flag}}}}
 b: {{tool: toy.shift, points: {{from: [a.moved, inputs.points]}}, by: 10}}"""
 FLAG = "flag: {type: boolean, default: true, help: x}"
+
+
+def test_a_step_is_told_by_its_title_in_the_language_of_the_user(cloud: PointCloud) -> None:
+    told: list[str] = []
+    model = catalog.load("models.reservoir_shoreline").build({"points": cloud})
+    with language.speaking("tr"):
+        model.run(Context(stage=told.append))
+    assert told[0].endswith(": Su kütlelerini bul"), told  # its Turkish title
 
 
 def test_a_step_may_be_left_out(load: Load, cloud: PointCloud) -> None:

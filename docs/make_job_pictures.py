@@ -15,25 +15,22 @@ from pathlib import Path
 from make_tool_pictures import shrink
 
 from toolbox.cli.main import main as command_line
-from toolbox.reference import ROOT
+from toolbox.reference import ROOT, commands
 
 JOBS = ROOT / "docs" / "jobs"
-BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 WIDTH = 1100  # of a picture: texts of three maps beside each other can be read when it is enlarged
 SHOWN = re.compile(r"\]\(\.\./images/jobs/([\w.-]+)\.webp\)")
 
 
 def draw(page: Path) -> None:
     """Run the commands of a page in an empty folder, and keep what it shows."""
-    text = page.read_text(encoding="utf-8")
-    shown = SHOWN.findall(text)
+    shown = SHOWN.findall(page.read_text(encoding="utf-8"))
     if not shown:
         return
-    lines = "\n".join(BLOCK.findall(text)).replace("\\\n", " ").splitlines()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
-        for words in map(shlex.split, lines):
-            if words and command_line(words[3:]):  # after python -m toolbox
+        for words in commands(page):
+            if command_line(words[3:]):  # after python -m toolbox
                 raise SystemExit(f"{page.name}: {shlex.join(words)} failed")
         for name in shown:
             picture = Path(f"{name.removeprefix(f'{page.stem}-')}.png")

@@ -21,24 +21,17 @@ TURKISH = sorted((DOCS / "tr").rglob("*.md"))
 FENCED = re.compile(r"^```(?:sh|python|console)\n.*?^```$", re.MULTILINE | re.DOTALL)
 ITALIC = re.compile(r"\*([^*]+)\*")
 PYTHON = re.compile(r"^```python\n(>>> .*?)^```", re.MULTILINE | re.DOTALL)
-BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
-
-
-def commands(page: Path) -> list[list[str]]:
-    """The commands of all shell blocks of a page, each as its words."""
-    text = "\n".join(BLOCK.findall(page.read_text("utf-8"))).replace("\\\n", " ")
-    return [words for line in text.splitlines() if (words := shlex.split(line, comments=True))]
 
 
 def test_a_command_may_take_several_lines_and_end_with_a_comment(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("```sh\nrun a \\\n    --b 'c d'  # why\n```\n\n```console\nnot this\n```\n")
-    assert commands(page) == [["run", "a", "--b", "c d"]]
+    assert reference.commands(page) == [["run", "a", "--b", "c d"]]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
 def test_commands_of_a_page_name_tools_and_their_options(page: Path) -> None:
-    for words in commands(page):
+    for words in reference.commands(page):
         if words[:4] == ["python", "-m", "toolbox", "run"]:
             described = catalog.describe(words[4])
             values, _ = arguments.read(described, words[5:])
@@ -50,7 +43,7 @@ def test_commands_of_a_page_name_tools_and_their_options(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
 def test_commands_stand_in_blocks_that_are_run(page: Path) -> None:
     """A command with a file, in the middle of a sentence, would be run by nobody."""
-    text = BLOCK.sub("", page.read_text("utf-8"))
+    text = reference.SHELL.sub("", page.read_text("utf-8"))
     assert re.findall(r"`python\s+-m\s+toolbox\s+run\s+\S+\s[^`]*`", text) == []
 
 
@@ -61,7 +54,7 @@ def test_commands_of_a_page_run(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TOOLBOX_HISTORY", str(tmp_path / "history.jsonl"))
-    for words in commands(page):
+    for words in reference.commands(page):
         if words[0] == "mkdir":
             Path(words[-1]).mkdir(parents=True, exist_ok=True)
         elif words[0] == "cp":

@@ -15,13 +15,12 @@ import json
 import os
 from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from toolbox import renamed
 from toolbox.errors import DataError, ParameterError, nearest
-from toolbox.places import METADATA, hidden
+from toolbox.places import ALGORITHMS, METADATA, hidden
 
 if TYPE_CHECKING:
     from toolbox.declare.fields import Spec
@@ -41,10 +40,7 @@ def own_files() -> dict[str, Path]:
     """
     if problem := hidden():
         raise DataError(problem)
-    found = find_spec("algorithms")
-    folders = [Path(name) for name in (found and found.submodule_search_locations) or []]
-    paths = [path for folder in folders for path in folder.glob("*/[!_]*.*")]
-    paths = [path for path in paths if path.suffix in (".py", *MODEL)]
+    paths = [path for path in ALGORITHMS.glob("*/[!_]*.*") if path.suffix in (".py", *MODEL)]
     paths = [path for path in paths if path.parent.name not in NOT_GROUPS]
     return {f"{path.parent.name}.{path.stem}": path for path in sorted(paths)}
 

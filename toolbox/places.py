@@ -6,7 +6,10 @@ import os
 from importlib.util import find_spec
 from pathlib import Path
 
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).resolve().parent
+
+ALGORITHMS = _PACKAGE.parent / "algorithms"
+"""The package of our tools."""
 
 METADATA = next(
     (path for path in (_PACKAGE / "metadata", _PACKAGE.parent / "metadata") if path.is_dir()),
@@ -23,10 +26,9 @@ def hidden() -> str:
 
     Python looks into the working folder first, when it is started with ``-m`` or with nothing.
     """
-    ours = Path(__file__).resolve().parents[1] / "algorithms"
-    spec = find_spec("algorithms")
-    found = Path((spec and spec.origin) or ours / "__init__.py").resolve().parent
-    if found == ours:
+    spec = find_spec(ALGORITHMS.name)
+    found = Path((spec and spec.origin) or ALGORITHMS / "__init__.py").resolve().parent
+    if found == ALGORITHMS:
         return ""
     return (
         f"{found} hides the package 'algorithms' of lidar-toolbox; "

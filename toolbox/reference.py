@@ -23,6 +23,7 @@ from toolbox.models.model import Model
 from toolbox.places import METADATA
 
 ROOT = METADATA.parent
+SHELL = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 EXAMPLES = ROOT / "docs" / "examples.yaml"
 LINE = 100  # characters
 PICTURES = ROOT / "docs" / "images" / "tools"
@@ -35,6 +36,12 @@ BEGINS_REFERENCE = re.compile(
     r"[^.:]{2,}?( \(\d{4}\)|, \w\.| et al\.| Std )|LAS \d|\w+, \w+ \(\d{4}\)"
 )
 OF_HOUSE = {"architecture.md", "speed.md", "provenance.md", "security.md"}  # on no method
+
+
+def commands(page: Path) -> list[list[str]]:
+    """The commands of all shell blocks of a page of the documentation, each as its words."""
+    text = "\n".join(SHELL.findall(page.read_text("utf-8"))).replace("\\\n", " ")
+    return [words for line in text.splitlines() if (words := shlex.split(line, comments=True))]
 
 
 def files() -> Iterator[tuple[Path, str]]:

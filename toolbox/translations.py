@@ -44,39 +44,19 @@ NO_TEXT = re.compile(  # tags, SQL, code, names, paths, styles
 )
 ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")[^"]+(?="\))')
 PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
-HEADS = [
-    "Coordinates",
-    "Made with",
-    "Map",
-    "Files",
-    "Drawings",
-    "Left out",
-    "Checksums",
-]  # of one word
+# Heads, of one word most of them.
+HEADS = ["Coordinates", "Made with", "Map", "Files", "Drawings", "Left out", "Checksums"]
 HEADS += ["Shows", "Source", "Crossed", "Broken", "Scale", "door?"]  # in title blocks
 HEADS += ["Wall", "Window", "Door", "elevation of fronts"]
 HEADS += ["Easting", "Northing", "East", "North", "Up", "Class", "Intensity"]  # at maps and views
 LOCAL = "local coordinates in"
 COUNTS = ["{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})"]
 COUNTS += ["{1} % are lower", "{1} water bodies"]
-COUNTS += [
-    "{1} to {2}",
-    "Front {1}",
-    "Plane {1}",
-    "{1} to {2} m",
-    "place of about {1} m2 at {2},{3}",
-]
+COUNTS += ["{1} to {2}", "Front {1}", "Plane {1}", "{1} to {2} m"]
+COUNTS += ["place of about {1} m2 at {2},{3}"]
 COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]
-SHORT = [
-    "no rule",
-    "as surveyed",
-    "below a wire",
-    "not given",
-    "near a wire",
-    "the ground",
-    "other objects",
-    "another line",
-]
+SHORT = ["no rule", "as surveyed", "below a wire", "not given", "near a wire"]
+SHORT += ["the ground", "other objects", "another line"]
 SHORT += ["trees", "buildings", "roads", "rails", "its level", "a spreadsheet", "few returns"]
 SHORT += ["of interest", "all others"]  # the classes of a comparison
 SHORT += ["a number", "unknown parameter", "unknown output", "well spread"]

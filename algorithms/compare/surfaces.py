@@ -484,10 +484,11 @@ class CompareSurfaces:
         else:
             assert self.points is not None
             values = self.points[str(self.cover_attribute)][found.number]
-        if self.water is not None:
-            values = texts(values)
-            values[self._in_water(found, ctx)] = LAID
         label, names = numbered(values)
+        if self.water is not None:
+            label = np.where(self._in_water(found, ctx), len(names), label)
+            used, label = np.unique(label, return_inverse=True)
+            names = [[*names, LAID][number] for number in used]
         if len(names) > MOST_COVERS:
             raise DataError(
                 f"there are {len(names)} land covers, at most {MOST_COVERS} are allowed"

@@ -16,7 +16,6 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -30,6 +29,7 @@ from toolbox.cli.console import Console, Events, Unwritable, exit_code
 from toolbox.cli.stopping import stoppable
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.json_text import json_text
+from toolbox.places import ALGORITHMS
 from toolbox.shown import DELIVER, PAGE, SHOWN
 from toolbox.tiles.tiling import Tiling
 
@@ -299,10 +299,8 @@ def _tell_unsaved(
 
 def _tell_compiling(console: Console) -> None:
     """Say why the first command takes longer, on an installation that has compiled nothing."""
-    where = find_spec("algorithms")
-    places = (where and where.submodule_search_locations) or ()
-    kept = os.environ.get("NUMBA_CACHE_DIR") or next(iter(places), "")
-    if kept and not next(Path(kept).rglob("*.nbi"), None):
+    kept = Path(os.environ.get("NUMBA_CACHE_DIR") or ALGORITHMS)
+    if not next(kept.rglob("*.nbi"), None):
         console.message("info", language.text("compiling loops, once: this may take a minute"))
 
 

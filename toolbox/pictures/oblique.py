@@ -27,8 +27,7 @@ def direction_of(cloud: PointCloud, planes: str = "") -> Floats:
     xyz = cloud.xyz - cloud.xyz[0]
     wall = _wall(xyz, cloud[planes]) if planes and planes in cloud else None
     if wall is not None:
-        normal = _to_the_street(xyz, *wall, cloud.metre)
-        return _lifted(math.atan2(normal[1], normal[0]) + _ASIDE, _ABOVE)
+        return _eye_before(xyz, wall, cloud.metre)
     some = xyz[:: 1 + len(xyz) // (_MOST * _SOME), :2]
     sizes, ways = np.linalg.eigh(np.cov(some.T) if len(some) > 2 else np.eye(2))
     if sizes[0] > _ROUND * sizes[1]:
@@ -60,14 +59,17 @@ def oblique(cloud: PointCloud, planes: str) -> PointCloud | None:
     wall = _wall(xyz, cloud[planes])
     if wall is None:
         return None
-    normal = _to_the_street(xyz, *wall, cloud.metre)
-    heading = math.atan2(normal[1], normal[0]) + _ASIDE
-    level = np.array([math.cos(heading), math.sin(heading), 0.0])
-    right = np.array([-level[1], level[0], 0.0])
-    eye = math.cos(_ABOVE) * level + [0.0, 0.0, math.sin(_ABOVE)]
+    eye = _eye_before(xyz, wall, cloud.metre)
+    right = np.array([-eye[1], eye[0], 0.0]) / math.cos(_ABOVE)
     view = xyz @ np.array([right, np.cross(eye, right), eye]).T
     kept = {name: cloud[name] for name in cloud.names}
     return PointCloud(view - view.min(axis=0), kept, crs=cloud.crs, descriptions=cloud.descriptions)
+
+
+def _eye_before(xyz: Floats, wall: tuple[Floats, Floats], metre: float) -> Floats:
+    """From a wall to the eye: on the side of the street, a little aside and above."""
+    normal = _to_the_street(xyz, *wall, metre)
+    return _lifted(math.atan2(normal[1], normal[0]) + _ASIDE, _ABOVE)
 
 
 def _to_the_street(xyz: Floats, normal: Floats, centre: Floats, metre: float) -> Floats:

@@ -128,10 +128,8 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
 
     It is the same whether the run was in tiles or not, as it shows none of the other results.
     """
-    facts, unit = (
-        facts_of(spec, {}, record, {}),
-        unit_of_data(layers_of(told.given if told else {}, {})),
-    )
+    unit = unit_of_data(layers_of(told.given if told else {}, {}))
+    facts = facts_of(spec, {}, record, {})
     head = _head(facts, told.warnings if told else (), report.head.unseen, unit)
     sections = [*report.sections, *_settings(spec, record), *_made(spec, record)]
     summary = "\n".join(in_both(line, unit) for line in report.summary.splitlines())

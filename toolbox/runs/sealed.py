@@ -96,9 +96,7 @@ def _is_of_system(name: str) -> bool:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_bytes().decode(
-            "utf-8"
-        )  # as it is: of a text, ends of lines are made alike
+        return path.read_bytes().decode("utf-8")  # read_text would make the ends of lines alike
     except (OSError, ValueError):
         return ""
 

@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,79 +162,113 @@ class PointsSurveyQuality:
     def run(self, ctx: Context = QUIET) -> PointsSurveyQuality.Outputs:
         """Count by cell, then compare strips by cell."""
         ctx.progress(0.0)
-        cloud = self.points
-        taken = taking_part(cloud, self.ignore)
-        without_withheld(cloud, np.ones(len(cloud), bool), ctx)  # tells their number
-        first_there = taken & (cloud["return_number"] <= 1) if "return_number" in cloud else taken
-        if not first_there.any():
-            raise NothingToDo("points: there are none")
-        xyz = cloud.xyz[taken]
-        if not np.ptp(xyz[:, :2], axis=0).all():
-            raise NothingToDo("points: all lie on one line, or at one place, so have no density")
-        first = _attribute(cloud, "return_number", taken, 1) <= 1
-        single = _attribute(cloud, "number_of_returns", taken, 1) <= 1
-        strip = _attribute(cloud, STRIP, taken, 0)
-        metre = cloud.metre
-        cell = self.cell if self.cell != "auto" else suitable_cell(xyz[first] / metre) * metre
-        lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), float(cell))
-        row, col = lattice.indices(xyz[:, 0], xyz[:, 1])
+        cloud, metre = self.points, self.points.metre
+        taken = self._taken(ctx)
+        lattice = self._lattice(taken)
+        row, col = lattice.indices(taken.xyz[:, 0], taken.xyz[:, 1])
         place = row.astype(np.int64) * lattice.cols + col
-        size = lattice.rows * lattice.cols
         ctx.progress(0.3)
         area = (lattice.cell / metre) ** 2
-        whole = Density.of(row, col, first, area, lattice.shape)
-        numbers = strips_in(place, strip, size).reshape(lattice.shape)
+        whole = Density.of(row, col, taken.first, area, lattice.shape)
+        if whole.is_narrow:
+            size = lattice.cell / metre
+            log.warning("no cell of %.3g m is within the data: densities are too low", size)
+        inside = whole.inside
+        numbers = strips_in(place, taken.strip, inside.size).reshape(inside.shape)
         ctx.progress(0.6)
-        classes = _attribute(cloud, "classification", taken, 0)
-        flattest = lattice.cell * FLATTEST
-        means = of_all = flat_means(place[single], strip[single], xyz[single, 2], flattest)
-        if (classes == GROUND).any():
-            bare = single & (classes == GROUND)
-            means = flat_means(place[bare], strip[bare], xyz[bare, 2], flattest)
-        warn_of_ground_of_one(means, of_all)
+        means = taken.flat_means(place, lattice.cell * FLATTEST)
         differences, pairs = compared(means, metre)
         ctx.progress(0.9)
-        spread_of = np.full(size, np.nan)
-        spread_of[differences.index] = differences.to_numpy()
-        if whole.is_narrow:
-            log.warning("no cell of %.3g m is within the data: densities are too low", cell / metre)
-        known = np.unique(strip)
-        rows = [{"strip": "all", **whole.told()}]
-        if len(known) > 1:
-            for number, own in rows_of(strip):
-                strip_alone = Density.around(row[own], col[own], first[own], area)
-                rows.append({"strip": str(number), **strip_alone.told()})
-        if len(known) < 2:
-            log.warning("all points have one %s: strips are not told apart", STRIP)
+        spread = np.full(lattice.shape, np.nan)
+        spread.flat[differences.index] = differences.to_numpy()
         rms = pairs.attrs["rms"]
         warn_of_strips(rms and rms / metre)
-        warn_of_copies(xyz)
+        warn_of_copies(taken.xyz)
+        density = np.where(inside, whole.density, np.nan)
+        strips = np.where(inside, numbers, np.nan)
+        apart = "difference of strips"
         return self.Outputs(
-            density=_raster(
-                np.where(whole.inside, whole.density, np.nan),
-                lattice,
-                cloud,
-                "density",
-                "1/m2",
-            ),
-            strips=_raster(np.where(whole.inside, numbers, np.nan), lattice, cloud, "strips", "1"),
-            strip_difference=_raster(
-                spread_of.reshape(lattice.shape),
-                lattice,
-                cloud,
-                "difference of strips",
-                vertical_unit(cloud.crs),
-            ),
+            density=_raster(density, lattice, cloud, "density", "1/m2"),
+            strips=_raster(strips, lattice, cloud, "strips", "1"),
+            strip_difference=_raster(spread, lattice, cloud, apart, vertical_unit(cloud.crs)),
             pairs=Table(pairs),
-            by_strip=Table.from_rows(rows),
+            by_strip=Table.from_rows(rows_by_strip(taken, row, col, whole)),
             mean_density=whole.mean / metre**2,
             spacing=metre * whole.spacing,
             thin_share=whole.thin_share,
             void_share=whole.void_share,
-            strip_count=len(known),
-            overlap_share=float((numbers[whole.inside] > 1).mean()),
+            strip_count=len(np.unique(taken.strip)),
+            overlap_share=float((numbers[inside] > 1).mean()),
             strip_rms=rms,
         )
+
+    def _taken(self, ctx: Context) -> Taken:
+        """The points that take part.
+
+        Raises
+        ------
+        NothingToDo
+            There are none, no first return among them, or they cover no area.
+        """
+        cloud = self.points
+        taken = taking_part(cloud, self.ignore)
+        without_withheld(cloud, np.ones(len(cloud), bool), ctx)  # tells their number
+        found = Taken(
+            cloud.xyz[taken],
+            _attribute(cloud, "return_number", taken, 1) <= 1,
+            _attribute(cloud, "number_of_returns", taken, 1) <= 1,
+            _attribute(cloud, STRIP, taken, 0),
+            _attribute(cloud, "classification", taken, 0) == GROUND,
+        )
+        if not found.first.any():
+            raise NothingToDo("points: there are none")
+        if not np.ptp(found.xyz[:, :2], axis=0).all():
+            raise NothingToDo("points: all lie on one line, or at one place, so have no density")
+        return found
+
+    def _lattice(self, taken: Taken) -> Lattice:
+        """The cells in which points are counted."""
+        metre, xyz = self.points.metre, taken.xyz
+        cell = self.cell
+        if cell == "auto":
+            cell = suitable_cell(xyz[taken.first] / metre) * metre
+        return Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), float(cell))
+
+
+class Taken(NamedTuple):
+    """The n points of a survey that take part.
+
+    Attributes
+    ----------
+    xyz : array of shape (n, 3)
+    first, single, ground : arrays of shape (n,), whether each is a first or a single return, and
+        of class 2
+    strip : array of shape (n,), number of the strip of each
+    """
+
+    xyz: Array
+    first: NDArray[np.bool_]
+    single: NDArray[np.bool_]
+    strip: Ints
+    ground: NDArray[np.bool_]
+
+    def flat_means(self, place: Ints, largest: float) -> pd.DataFrame:
+        """Mean height of the single returns of each strip in flat cells, of ground if any is.
+
+        Parameters
+        ----------
+        place : array of shape (n,), cell of each point
+        largest : difference of heights within a strip and cell that counts as flat
+        """
+        of_all = self._means(self.single, place, largest)
+        if not self.ground.any():
+            return of_all
+        means = self._means(self.single & self.ground, place, largest)
+        warn_of_ground_of_one(means, of_all)
+        return means
+
+    def _means(self, some: NDArray[np.bool_], place: Ints, largest: float) -> pd.DataFrame:
+        return flat_means(place[some], self.strip[some], self.xyz[some, 2], largest)
 
 
 @dataclass(frozen=True)
@@ -327,6 +361,26 @@ class Density:
             "thin_share": self.thin_share,
             "void_share": self.void_share,
         }
+
+
+def rows_by_strip(
+    taken: Taken, row: Ints, col: Ints, whole: Density
+) -> list[dict[str, str | float]]:
+    """Rows of the table of densities: of the survey, and of each strip if there are several.
+
+    Parameters
+    ----------
+    row, col : arrays of shape (n,), cell of each point
+    """
+    rows: list[dict[str, str | float]] = [{"strip": "all", **whole.told()}]
+    strips = list(rows_of(taken.strip))
+    if len(strips) < 2:
+        log.warning("all points have one %s: strips are not told apart", STRIP)
+        return rows
+    for number, own in strips:
+        alone = Density.around(row[own], col[own], taken.first[own], whole.area)
+        rows.append({"strip": str(number), **alone.told()})
+    return rows
 
 
 def warn_of_strips(rms: float | None) -> None:

@@ -9,6 +9,13 @@ TRIM_THRESHOLD, MMAP_MAX = -1, -4  # what mallopt sets, by the numbers of malloc
 NEVER = -1
 
 
+def give_back() -> None:
+    """Hand freed memory that is kept back to the system; what is in use stays."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)
+
+
 def keep_memory() -> None:
     """Have the C library keep memory that is freed, for the next array.
 

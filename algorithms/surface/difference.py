@@ -11,7 +11,7 @@ from algorithms.shared.heights import infinity_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import crs_conflict
-from toolbox.declare import outputs, sink, source, tool
+from toolbox.declare import Memory, outputs, sink, source, tool
 
 
 @tool(
@@ -38,6 +38,8 @@ class SurfaceDifference:
 
     surface: Raster = source("Raster to subtract from")
     base: Raster = source("Raster that is subtracted")
+
+    memory = Memory(point=200.0, area=200.0)  # as surface.grid, whose rasters it takes
 
     @outputs
     class Outputs:

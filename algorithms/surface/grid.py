@@ -37,6 +37,7 @@ from toolbox.declare import (
     ClassList,
     Expression,
     Extent,
+    Memory,
     outputs,
     param,
     sink,
@@ -182,6 +183,8 @@ class SurfaceGrid:
     uncertainty: bool = param(
         "Add the error of leaving points out", default=False, label="Add the error"
     )
+
+    memory = Memory(point=200.0, area=200.0)  # measured in a chain: 146, 145
 
     @outputs
     class Outputs:

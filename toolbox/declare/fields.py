@@ -16,7 +16,7 @@ from toolbox.data.vector import Vector
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
 from toolbox.declare.show import Show
-from toolbox.declare.values import Range
+from toolbox.declare.values import Memory, Range
 from toolbox.errors import DataError, ParameterError, ToolboxError, nearest
 from toolbox.labels import in_words
 
@@ -382,6 +382,12 @@ class Spec:
     def halo(self, settings: Mapping[str, Any]) -> float:
         """The `halo` of the tool in metres with these settings, before any layer is read."""
         return float(self._draft(settings).halo())
+
+    @property
+    def memory(self) -> Memory:
+        """What a tile with its neighbourhood needs for this tool."""
+        found: Memory = getattr(self.make, "memory", Memory())
+        return found
 
     def rules(self, settings: Mapping[str, Any]) -> dict[str, str]:
         """The problems that the `check` of the tool finds in settings, before any layer is read."""

@@ -177,8 +177,9 @@ def tool(id: str, *, title: str = "", tags: tuple[str, ...] = ()) -> Callable[[T
     `run(ctx)`, `halo()` if it reads layers, and may have `check()`, which yields (parameter,
     problem) for rules between values, and `check_data()` for what the layers must hold. `halo()`
     gives metres, or `math.inf` for a tool that needs the whole cloud. `check` and `halo` must not
-    look at layers: a
-    model and the tile engine ask them before there are any.
+    look at layers: a model and the tile engine ask them before there are any. An attribute
+    ``memory = Memory(...)`` says how much is needed, where that was measured, so that tiles are
+    not smaller than they must be.
 
     Inside `run` all lengths are in the unit of the data: a `cell` of 1 m is 3.28 when the
     coordinates are in feet. Lengths that `run` returns are turned back into metres. A constant in

@@ -248,6 +248,35 @@ def _numbers(value: str | Iterable[float], count: int) -> list[float]:
     return found
 
 
+class Memory(NamedTuple):
+    """What a tool needs of the memory beyond its libraries, by which tiles are made as large.
+
+    Without a declaration it is what the hungriest tools need.
+
+    Attributes
+    ----------
+    point : bytes for each point that is read
+    area : bytes for each square metre, for cells
+    """
+
+    point: float = 400.0
+    area: float = 200.0
+
+    def per_area(self, density: float) -> float:
+        """Bytes for each square metre with so many points on it.
+
+        >>> Memory(point=100.0, area=50.0).per_area(8.0)
+        850.0
+        """
+        return self.point * density + self.area
+
+    @classmethod
+    def most(cls, needs: Iterable[Memory]) -> Memory:
+        """What is enough for each of some tools, one after the other."""
+        found = list(needs)
+        return cls(max(one.point for one in found), max(one.area for one in found))
+
+
 class Share(float):
     """The ratio of a count to a total, from 0 to 1; shares of several totals can be added.
 

@@ -15,6 +15,7 @@ from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import find
 from toolbox.declare.spec import shape_problems
+from toolbox.declare.values import Memory
 from toolbox.errors import DataError, ParameterError
 
 INPUTS = "inputs"  # stands in a reference for the inputs of the model
@@ -191,6 +192,11 @@ class Model(Spec):
         if not _ready(step, known):
             return math.inf
         return max(map(step.spec.halo, _each(step, _draft(step, known))), default=0.0)
+
+    @property
+    def memory(self) -> Memory:
+        """What a tile with its neighbourhood needs for the hungriest of its steps."""
+        return Memory.most(step.spec.memory for step in self.steps.values())
 
     def rules(self, settings: Mapping[str, Any]) -> dict[str, str]:
         """All problems of the values of steps, by step.parameter."""

@@ -57,7 +57,7 @@ from toolbox.tiles.tiling import Tiling
 from toolbox.tiles.work import TileJob
 from toolbox.tiles.workers import memory_of, workers_of
 
-BYTES_PER_POINT = 400  # that the hungriest tools need for a tile with its neighbours
+LIBRARIES = 150_000_000  # bytes of a worker that has no points yet; measured: 117 MB
 SMALLEST = 0.1  # metres: smaller tiles are taken for a mistake in the size
 RIM = 40.0  # metres that a raster may reach beyond all points: whole blocks of its cells
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
@@ -114,7 +114,7 @@ def run(
         reading.check_unchanged()  # since they were hashed; from now on the survey does so
     check_crs(spec.id, targets, surveys.values())
     survey = next(iter(surveys.values()))  # the one whose tiles are run
-    metre, size = survey.metre, tiling.size or suitable_size(survey, plan.halo, tiling)
+    metre, size = survey.metre, tiling.size or suitable_size(survey, plan, tiling)
     if size < (least := max(plan.halo / 20, SMALLEST)):
         raise ParameterError(spec.id, {"tile": f"must be at least {least:g} m here, got {size:g}"})
     log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
@@ -296,12 +296,8 @@ def _results(
     return {n: given[n] for n in dict.fromkeys([*spec.outputs, *given]) if n in given}
 
 
-def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
+def suitable_size(survey: Survey, plan: TilePlan, tiling: Tiling) -> float:
     """Choose the largest tile that fits into memory with its halo and gives each worker some.
-
-    Parameters
-    ----------
-    halo : metres
 
     Returns
     -------
@@ -310,9 +306,9 @@ def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
     """
     boxes = np.reshape([file.bounds for file in survey.files if file.count], (-1, 2, 3))
     area = float(np.prod(boxes[:, 1, :2] - boxes[:, 0, :2], axis=1).sum()) / survey.metre**2
-    side = math.sqrt(memory_of(tiling) / BYTES_PER_POINT * area / survey.count) - 2 * halo
+    side = plan.side(survey.count / area, memory_of(tiling) - LIBRARIES)
     side = min(side, math.sqrt(area / (2 * tiling.workers)))
-    return max(float(round(side, -1)), 50.0, float(round(halo / 2, -1)))
+    return max(float(round(side, -1)), 50.0, float(round(plan.halo / 2, -1)))
 
 
 @contextmanager

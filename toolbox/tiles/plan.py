@@ -14,6 +14,7 @@ from toolbox.context import Context
 from toolbox.data import Survey
 from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.declare.fields import Spec
+from toolbox.declare.values import Memory
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import INPUTS, Model, Reference, Step, leading_steps, references
 from toolbox.runs.provenance import Count
@@ -118,6 +119,22 @@ class TilePlan:
     def halo(self) -> float:
         """Metres beyond a tile that the local steps of any pass look."""
         return max(one.halo for one in self.passes)
+
+    def side(self, density: float, memory: float) -> float:
+        """The largest tile with which each pass stays within some bytes of memory, metres.
+
+        Parameters
+        ----------
+        density : points per square metre
+        """
+        steps = self.model.steps
+        needs = [
+            (one.halo, Memory.most(steps[name].spec.memory for name in one.local))
+            for one in self.passes
+            if one.local
+        ]
+        sides = (math.sqrt(memory / need.per_area(density)) - 2 * halo for halo, need in needs)
+        return min(sides)
 
     @property
     def keep(self) -> dict[str, int]:

@@ -61,6 +61,10 @@ class Tiling:
             count, given_all = int(workers), given["memory"]
             text = f"must be at least 500 MB for each worker, and {count} share {given_all}"
             problems["memory"] = text
+        if size is None and given.get("scheduler") and not given.get("workers"):
+            problems.setdefault(
+                "workers", "say how many the scheduler has: with --tile auto they share the memory"
+            )
         if problems:
             raise ParameterError("run", problems)
         assert workers is not None

@@ -12,6 +12,7 @@ import pickle
 import queue
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
@@ -20,13 +21,14 @@ from typing import Any, Protocol
 
 import psutil
 
-from toolbox.allocation import keep_memory
+from toolbox.allocation import give_back, keep_memory
 from toolbox.errors import DataError, ParameterError
 from toolbox.tiles.tiling import Tiling
 
 MEMORY_SHARE = 0.8  # of the memory of this computer, for all workers together
 CONNECT = 10  # seconds
 PULSE = 0.1  # seconds between two looks at the memory of a worker
+PATIENCE = 5.0  # seconds for handing memory back: a loop over millions of points may hold it up
 TRIES = 2  # of a task: its input may be on a disk that is away for a moment
 DIED = "its worker died, perhaps for want of memory; take smaller tiles or more memory"
 WARNINGS = "PYTHONWARNINGS"
@@ -99,7 +101,7 @@ def processes(count: int, memory: int) -> Iterator[Workers]:
 
     Parameters
     ----------
-    memory : bytes that each may use; one that uses more is stopped
+    memory : bytes that each may use; one that uses more, freed memory not counted, is stopped
 
     Raises
     ------
@@ -166,17 +168,21 @@ class _Process:
     def __init__(self, memory: int, threads: int) -> None:
         self._memory, self._threads = memory, threads
         self._known: bytes | None = None  # the shared value that it has
+        self._asked: float | None = None  # when it was asked to hand back memory
         self._lock = threading.Lock()  # held by whoever starts or ends it
 
     def start(self) -> None:
         """Start it; `wait` waits until it is there."""
         context = multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
+        self._request, request = context.Pipe()
         with self._lock, _ignoring_interrupts():
-            self._process = context.Process(target=_serve, args=(other, self._threads), daemon=True)
+            args = other, request, self._threads
+            self._process = context.Process(target=_serve, args=args, daemon=True)
             self._process.start()
-        self._known = None
+        self._known, self._asked = None, None
         other.close()
+        request.close()
 
     def wait(self) -> None:
         """Wait until it is there.
@@ -223,15 +229,32 @@ class _Process:
         return found
 
     def _check_memory(self) -> None:
-        with suppress(psutil.NoSuchProcess):
-            used = psutil.Process(self._process.pid).memory_info().rss
-            if used > self._memory:
-                self.stop()
+        """Have it hand back what it keeps if it uses too much; end it if that is not enough."""
+        answered = self._request.poll()
+        waited = self._asked is not None and time.monotonic() - self._asked > PATIENCE
+        too_much = _used(self._process.pid) > self._memory  # after the answer, if there is one
+        if answered:
+            self._request.recv()
+            self._asked = None
+        if too_much and (answered or waited):
+            self.stop()
+        elif too_much and self._asked is None:
+            self._request.send(None)
+            self._asked = time.monotonic()
 
 
-def _serve(pipe: Connection, threads: int) -> None:
+def _used(process: int | None) -> int:
+    """Bytes that are a process's own: pages of files that it has mapped can be dropped any time."""
+    with suppress(psutil.NoSuchProcess):
+        info = psutil.Process(process).memory_info()
+        return int(info.rss - getattr(info, "shared", 0))
+    return 0
+
+
+def _serve(pipe: Connection, request: Connection, threads: int) -> None:
     """Run tasks until the pipe ends; the life of a worker process."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_give_back, args=(request,), daemon=True).start()
     keep_memory()
     os.environ["NUMBA_NUM_THREADS"] = str(threads)
     pipe.send(None)
@@ -250,6 +273,15 @@ def _serve(pipe: Connection, threads: int) -> None:
             pipe.send(answer)
         except Exception as err:  # noqa: BLE001  what cannot be sent, can be told
             pipe.send((None, RuntimeError(f"{answer[1]!r}: {err}")))
+
+
+def _give_back(request: Connection) -> None:
+    """Hand back freed memory whenever that is asked for."""
+    with suppress(EOFError, OSError):
+        while True:
+            request.recv()
+            give_back()
+            request.send(None)
 
 
 def _end_with_parent() -> None:

@@ -526,6 +526,10 @@ def test_kill_and_resume_give_the_same_files(model: str, survey: Path, tmp_path:
             {"tile": "5", "memory": "1.4GB", "workers": 3},
             "500 MB for each worker, and 3 share 1.4GB",
         ),
+        (
+            {"tile": "auto", "scheduler": "tcp://localhost:1"},
+            "workers: say how many the scheduler has",
+        ),
         ({"workers": "2"}, "workers: is for runs in tiles"),
     ],
 )

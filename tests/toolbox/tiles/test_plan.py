@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import functools
+import json
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scenes.layers import cloud
 
 import toolbox
 from toolbox import PointCloud, Raster, catalog
+from toolbox.declare import Memory
 from toolbox.models.model import Model
 from toolbox.tiles.plan import APART, TilePlan
 from toolbox.tiles.tiling import Tiling
@@ -159,3 +164,65 @@ def test_points_that_las_would_round_are_not_rounded_between_passes(
     run({"points": source, **paths}, tiling=Tiling(60.0, workers=1))
     assert not np.array_equal(PointCloud.open(paths["clean"]).xyz, whole["clean"].xyz)
     np.testing.assert_array_equal(Raster.open(paths["dtm"]).values, whole["dtm"].values)
+
+
+def test_tiles_are_as_large_as_each_pass_allows() -> None:
+    """The ground looks farthest, the rasters need most: both at once would be a smaller tile."""
+    found = plan("models.terrain", "dtm", "dsm")
+    kilometre = 1e6 * (200 * 8 + 100)  # bytes for the ground of eight points per m2
+    assert found.side(8.0, kilometre) == pytest.approx(1000 - 2 * 200, abs=0.01)
+    town = plan("models.urban_classes", "classified")  # most of its steps declare nothing
+    assert town.side(8.0, kilometre) < 600
+    assert catalog.load("models.urban_classes").memory == Memory() == Memory(400.0, 200.0)
+    assert found.side(0.1, kilometre) < found.side(0.01, kilometre) < 10_000  # by cells, not points
+
+
+NEED = """
+import json, resource, sys, threading, time
+import psutil
+import toolbox
+from toolbox import catalog
+from toolbox.allocation import keep_memory
+
+keep_memory()
+id, small, large, values = json.loads(sys.argv[1])
+catalog.load(id).build({"points": toolbox.PointCloud.open(small), **values}).run()
+info, most, done = psutil.Process().memory_info, [0], threading.Event()
+
+def used():
+    return info().rss - info().shared
+
+def look():
+    while not done.wait(0.01):
+        most[0] = max(most[0], used())
+
+before = used()
+threading.Thread(target=look, daemon=True).start()
+catalog.load(id).build({"points": toolbox.PointCloud.open(large), **values}).run()
+done.set()
+print(most[0] - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what is mapped is told apart there only")
+@pytest.mark.parametrize(
+    ("id", "values"),
+    [
+        ("points.denoise", {}),
+        ("ground.classify", {}),
+        ("surface.grid", {"method": "linear", "max_gap": 25.0}),
+    ],
+)
+def test_tools_need_no_more_memory_than_they_declare(
+    id: str, values: dict[str, Any], tmp_path: Path
+) -> None:
+    rng, side, density = np.random.default_rng(1), 400.0, 4
+    for name, share in (("small.las", 0.01), ("large.las", 1.0)):
+        xy = rng.uniform(0, side * share**0.5, (int(side**2 * density * share), 2))
+        z = np.sin(xy[:, 0] / 30) * 5 + rng.exponential(2, len(xy)) * (rng.random(len(xy)) < 0.3)
+        cloud(np.column_stack([xy, z])).save(tmp_path / name)
+    task = json.dumps([id, str(tmp_path / "small.las"), str(tmp_path / "large.las"), values])
+    command = [sys.executable, "-c", NEED, task]
+    needed = int(subprocess.check_output(command, text=True, cwd=tmp_path))
+    declared = catalog.load(id).memory
+    assert 0.3 < needed / side**2 / declared.per_area(density) < 1

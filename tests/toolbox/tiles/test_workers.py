@@ -73,6 +73,23 @@ def cleared(size: int) -> int:
     return faults[-1]
 
 
+def frees(size: int) -> int:
+    """Leave holes of a quarter of so many bytes, which no array fits in, and use a half."""
+    pieces = [np.ones(2**20, np.uint8) for _ in range(size // 2 // 2**20)]
+    del pieces[::2]
+    array = np.ones(size // 2, np.uint8)
+    time.sleep(1)
+    return len(array) + len(pieces)
+
+
+def maps(path: Path) -> int:
+    """Look at all bytes of a file for a while."""
+    mapped = np.memmap(path, np.uint8, "r")
+    total = int(mapped.sum())
+    time.sleep(1)
+    return total
+
+
 def sleeps(path: Path) -> None:
     path.touch()
     time.sleep(60)
@@ -135,6 +152,17 @@ def test_a_worker_that_needs_too_much_memory_is_stopped() -> None:
     problem = "take smaller tiles or more memory"
     with processes(1, 4 * 10**8) as workers, pytest.raises(DataError, match=problem):
         workers.submit(needs, workers.share(5 * 10**8)).result()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is kept there only")
+def test_memory_that_a_worker_has_freed_or_mapped_is_no_reason_to_stop_it(tmp_path: Path) -> None:
+    """Of 800 MB and the libraries it has freed 200, and could drop 900 MB of a file any time."""
+    size = 800 * 2**20
+    with (tmp_path / "file").open("wb") as file:
+        file.truncate(900 * 2**20)
+    with processes(1, 800 * 2**20) as workers:
+        assert workers.submit(frees, workers.share(size)).result() == size // 2 + size // 2**22
+        assert workers.submit(maps, workers.share(tmp_path / "file")).result() == 0
 
 
 def test_what_cannot_be_sent_is_told(workers: Workers) -> None:

@@ -24,7 +24,15 @@ from toolbox.runs import cells, delivery
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
-from toolbox.runs.lineage import counting, read_files, record_of, sizes_of, tell_empty, telling
+from toolbox.runs.lineage import (
+    counting,
+    read_files,
+    record_of,
+    remember,
+    sizes_of,
+    tell_empty,
+    telling,
+)
 from toolbox.runs.provenance import Count
 from toolbox.runs.results import Results
 from toolbox.runs.source import Sources
@@ -163,9 +171,10 @@ def _run(
             log.warning("%s: is not used by any step that runs", name)
     spec = spec.under(settings)
     crs = _crs(assume_crs, id)
-    reading = Reading.of(read_files(sources.paths(reads))) if writes else None
+    files = Reading.of(read_files(sources.paths(reads)))
+    reading = files if writes else None
     model = Path(id) if id.endswith(catalog.MODEL) else None
-    describe = partial(record_of, spec, settings, reads, assume_crs=crs, model=model)
+    describe = partial(record_of, spec, settings, assume_crs=crs, model=model)
     if tiling:
         from toolbox.tiles import engine as tiles
 
@@ -178,7 +187,7 @@ def _run(
                 writes,
                 tiling,
                 reading=reading,
-                record=describe(reading, ctx=ctx.part(0, HASH)) if reading else None,
+                record=describe(reads, reading, ctx=ctx.part(0, HASH)) if reading else None,
                 overwrite=overwrite,
                 resume=resume,
                 assume_crs=crs,
@@ -191,12 +200,11 @@ def _run(
     targets.check_crs(spec.id, writes, given_layers)
     cells.check(spec, settings, layers)
     _tell_lengths(spec, {n: settings[n] for n in given if n in settings}, layers)
-    record = describe(reading, ctx=ctx.part(READ - HASH, READ)) if reading else None
+    record = describe(reads, reading, ctx=ctx.part(READ - HASH, READ)) if reading else None
     if reading:
         reading.check_unchanged()
     job = spec.build(settings | layers)
-    asked = _between(spec, writes)
-    counts: list[Count] = []
+    asked, counts = _between(spec, writes), list[Count]()
     runner = Cache().runner(counting(counts)) if resume else counting(counts)
     runner = telling(told, runner)
     told.given = layers
@@ -208,7 +216,10 @@ def _run(
     tell_empty(spec, sizes_of(found), writes.values(), told)
     record = record and replace(record, counts=tuple(counts))
     part = ctx.part(WRITE, 1)
-    return _written(spec, found, writes, part, record=record, told=told, overwrite=overwrite)
+    made = _written(spec, found, writes, part, record=record, told=told, overwrite=overwrite)
+    in_memory = {name: value for name, value in made.items() if value is found.get(name)}
+    remember(in_memory, reads, files, describe, counts)
+    return made
 
 
 def _written(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from toolbox import moves
 from toolbox.context import log
+from toolbox.errors import ParameterError
 
 if sys.platform == "win32":
     fcntl = None
@@ -91,6 +92,18 @@ def _wrong_format(path: Path, suffixes: tuple[str, ...]) -> str | None:
         made = f"{path.stem}.tif {path.name}"
         return f"{text}, of which a GIS makes other formats: gdal_translate {made}"
     return text
+
+
+def refuse_to_replace(own: Iterable[Path], *, overwrite: bool) -> None:
+    """Raise an error if one of the files of a path is there, and may not be replaced.
+
+    Raises
+    ------
+    ParameterError
+        Names the file and the option.
+    """
+    if not overwrite and (there := next((path for path in own if path.exists()), None)):
+        raise ParameterError(f"{there} exists; allow it with overwrite=True")
 
 
 def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:

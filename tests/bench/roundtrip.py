@@ -35,7 +35,7 @@ def roundtrip() -> None:
             for suffix in WRITTEN if len(cloud) <= MOST else (".las", ".laz"):
                 copy = out / f"a{suffix}"
                 try:
-                    cloud.save(copy)
+                    cloud.save(copy, overwrite=True)
                     found = list(_differences(cloud, path, copy))
                 except DataError as error:
                     found = [f"refused: {str(error).partition(': ')[2][:110]}"]

@@ -408,7 +408,7 @@ def test_an_input_that_changes_before_it_is_hashed_is_an_error(
     real = execute.record_of
 
     def changing(*arguments: Any, **how: Any) -> Any:
-        high.save(tmp_path / "a.tif")
+        high.save(tmp_path / "a.tif", overwrite=True)
         return real(*arguments, **how)
 
     monkeypatch.setattr(execute, "record_of", changing)

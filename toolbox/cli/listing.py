@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +15,7 @@ Summary = Mapping[str, Any]
 
 _NARROWEST = 60  # columns; a terminal of less breaks lines as it likes
 _GAP = 2  # blanks between columns
+_PLURAL = re.compile(r"(?<=\w{3})(s|lar|ler)$")  # of English and Turkish
 
 
 def guide() -> str:
@@ -38,7 +40,7 @@ More: python -m toolbox --help"""
 def matching(tools: Sequence[Summary], words: Sequence[str]) -> list[Summary]:
     """The tools that speak of all words, in English or the language of the user.
 
-    First come those whose id, title or tags do.
+    First come those whose id, title or tags do. One tree and several are the same word.
 
     Examples
     --------
@@ -49,16 +51,21 @@ def matching(tools: Sequence[Summary], words: Sequence[str]) -> list[Summary]:
     >>> [tool["id"] for tool in matching(tools, ["dtm"])]
     ['a.c', 'a.b']
     """
-    wanted = [word.lower() for word in words]
+    wanted = [_PLURAL.sub("", word.lower()) for word in words]
 
     def of(tool: Summary, *keys: str) -> str:
         both = tool, language.summary(tool)
         return " ".join(str(text[key]) for text in both for key in keys).lower()
 
     names = "id", "title", "keywords"
-    named = [t for t in tools if all(word in of(t, *names) for word in wanted)]
-    told = [t for t in tools if all(word in of(t, *names, "description") for word in wanted)]
+    named = [t for t in tools if all(_speaks(of(t, *names), word) for word in wanted)]
+    told = [t for t in tools if all(_speaks(of(t, *names, "description"), w) for w in wanted)]
     return named + [tool for tool in told if tool not in named]
+
+
+def _speaks(text: str, word: str) -> bool:
+    """Whether a word of a text begins so: trees are found by tree, streets are not."""
+    return re.search(rf"(?<![^\W_]){re.escape(word)}", text) is not None
 
 
 def width_of(stream: IO[str]) -> int | None:

@@ -161,7 +161,8 @@ def _parser() -> argparse.ArgumentParser:
     made["provenance"].add_argument("file")
     metadata_cli.declare(made["metadata"])
     made["replay"].add_argument("file")
-    made["replay"].add_argument("--inputs", help="folder of the inputs, if not beside the file")
+    text = "folder of inputs or of the model, if not beside the file; may be said again"
+    made["replay"].add_argument("--inputs", action="append", default=[], help=text)
     model_cli.declare(made["model"])
     qgis_cli.declare(made["qgis"])
     serve_cli.declare(made["serve"])
@@ -232,7 +233,7 @@ def _replay(args: argparse.Namespace, console: Console) -> None:
     def work(ctx: Any) -> list[str]:
         from toolbox.cli.replay import replay
 
-        return replay(args.file, inputs=Path(args.inputs) if args.inputs else None, ctx=ctx)
+        return replay(args.file, inputs=[Path(one) for one in args.inputs], ctx=ctx)
 
     with console.progress() as report:
         found = stoppable(work, report, farewell=lambda: console.error(Cancelled()))

@@ -6,7 +6,8 @@ import glob
 import os
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,14 +32,16 @@ _LOOKS = re.compile(rb"<style>.*?</style>\s*|<img class=\"logo\"[^>]*>\s*", re.S
 FIND, COMPARE = 0.05, 0.9  # of the progress, when inputs are found and comparison begins
 
 
-def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET) -> list[str]:
+def replay(
+    path: str | Path, *, inputs: Path | Sequence[Path] = (), ctx: Context = QUIET
+) -> list[str]:
     """Run the tool that made a file again, and compare.
 
     Parameters
     ----------
     path : of the product
-    inputs : folder to search for the inputs, with all folders below it; without it they must be
-        in the folder of the product
+    inputs : folders to search for the inputs and the file of a model, with all folders below them;
+        the folder of the product is searched first
     ctx : takes the progress, and may cancel the run
 
     Returns
@@ -50,8 +53,8 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
     Raises
     ------
     DataError
-        The file has no record, was made from layers in memory, or inputs are missing or have
-        changed; the error lists them all.
+        The file has no record, was made from layers in memory that no run made, or inputs are
+        missing or have changed; the error lists them all.
     ParameterError
         This version of the toolbox does not know the tool or a parameter of it.
     """
@@ -61,13 +64,14 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
         raise DataError(f"{path} carries no record of how it was made")
     if record.version != __version__:
         log.warning("%s was made by version %s; this is %s", path, record.version, __version__)
-    finder = _Finder(record, inputs or path.absolute().parent, deep=inputs is not None)
+    given = (inputs,) if isinstance(inputs, Path) else tuple(inputs)
+    finder = _Finder(record, path.absolute().parent, given)
     values, tool = finder.values(ctx.part(0, FIND)), str(finder.model or record.tool)
     _check(path, record, tool)
     if record.qgis and record.qgis != (here := lineage.qgis_of(catalog.load(tool))):
         log.warning("%s was made with QGIS %s; this is %s", path, record.qgis, here)
     with tempfile.TemporaryDirectory(prefix="toolbox-replay-") as folder:
-        values = _that_were_set(values, tool)
+        values = _in_memory(_that_were_set(values, tool))
         made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(FIND, COMPARE))
         if _same_files(path, made, kind_of(record.output, catalog.load(tool)).own_files):
             log.info("%s: the same, byte for byte", path.name)
@@ -90,11 +94,37 @@ def _that_were_set(values: Mapping[str, Any], tool: str) -> dict[str, Any]:
     return {n: value for n, value in values.items() if n not in defaults or value != defaults[n]}
 
 
+@dataclass(frozen=True)
+class _Step:
+    """An earlier run, whose result was handed on in memory."""
+
+    record: Record
+    tool: str
+    values: Mapping[str, Any]
+
+    def run(self) -> Any:
+        """Run it again, and give that result."""
+        values = _in_memory(_that_were_set(self.values, self.tool))
+        made = run(self.tool, values, assume_crs=self.record.assume_crs or None)[self.record.output]
+        return made if self.record.number is None else made[self.record.number - 1]
+
+
+def _in_memory(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a run, with the results of earlier runs made again."""
+
+    def made(value: Any) -> Any:
+        if isinstance(value, list):
+            return [made(item) for item in value]
+        return value.run() if isinstance(value, _Step) else value
+
+    return {name: made(value) for name, value in values.items()}
+
+
 class _Finder:
     """Finds the inputs of a record by name, and checks that they have not changed."""
 
-    def __init__(self, record: Record, folder: Path, *, deep: bool) -> None:
-        self.record, self.folder, self.deep = record, folder, deep
+    def __init__(self, record: Record, beside: Path, below: Sequence[Path]) -> None:
+        self.record, self.beside, self.below = record, beside, below
         self.problems: dict[str, str] = {}
         self.model: Path | None = None
 
@@ -104,7 +134,9 @@ class _Finder:
         found: dict[str, list[Any]] = {name: [] for name in self.record.inputs}
         for index, (name, item) in enumerate(named):
             part = ctx.part(index / len(named), (index + 1) / len(named))
-            if paths := self._paths(name, item, part):
+            if item.in_memory:
+                found[name] += self._step(name, item, part)
+            elif paths := self._paths(name, item, part):
                 found[name] += self._openable(item, paths)
         if self.record.model and (paths := self._paths("model", self.record.model, ctx)):
             (self.model,) = paths
@@ -113,24 +145,35 @@ class _Finder:
         sources = {n: layers[0] if len(layers) == 1 else layers for n, layers in found.items()}
         return dict(self.record.parameters) | sources
 
+    def _step(self, name: str, item: Input, ctx: Context) -> list[_Step]:
+        """The run that made a layer in memory; if none did, a problem is noted."""
+        record = self.record.ancestor(item.sha256)
+        if record is None:
+            self.problems[name] = "was a layer in memory, which no run of the toolbox made"
+            return []
+        finder = _Finder(record, self.beside, self.below)
+        try:
+            values = finder.values(ctx)
+        except DataError as error:
+            self.problems |= {f"{name}, {record.tool}.{n}": t for n, t in error.problems.items()}
+            return []
+        return [_Step(record, str(finder.model or record.tool), values)]
+
     def _openable(self, item: Input, paths: list[Path]) -> list[Any]:
         return [{**item.options, "path": path} if item.options else path for path in paths]
 
     def _paths(self, name: str, item: Input, ctx: Context) -> list[Path]:
         """The files of an input; if there are none, a problem is noted."""
-        if item.in_memory:
-            self.problems[name] = "was a layer in memory, not a file"
-            return []
         candidates = list(self._candidates(item))
         for paths in candidates:
             if lineage.describe_files(paths, ctx).sha256 == item.sha256:
                 return paths
-        where = f"in {self.folder}{' or below' if self.deep else ''}"
+        where = " and ".join([f"in {self.beside}", *(f"in {one} or below" for one in self.below)])
         if candidates:
             text = f"{item.file} {where} has changed since: its sha256 is not {item.sha256}"
         else:
             text = f"there is no file {item.file} {where}"
-            text += "" if self.deep else "; say with --inputs FOLDER where it is"
+            text += "" if self.below else "; say with --inputs FOLDER where it is"
         self.problems[f"{name}, {item.file}" if name in self.problems else name] = text
         return []
 
@@ -139,15 +182,15 @@ class _Finder:
         if Path(item.file).name != item.file:  # a record that was tampered with
             return
         if item.file.startswith("*") and item.files > 1:
-            pattern = f"**/{item.file}" if self.deep else item.file
-            found = sorted(path for path in self.folder.glob(pattern) if path.is_file())
-            if found:
-                yield found
+            yield from filter(None, self._named(item.file))
             return
-        name = glob.escape(item.file)
-        for path in sorted(self.folder.glob(f"**/{name}" if self.deep else name)):
-            if path.is_file():
-                yield [path]
+        for paths in self._named(glob.escape(item.file)):
+            yield from ([path] for path in paths)
+
+    def _named(self, pattern: str) -> Iterator[list[Path]]:
+        """The files of a name or pattern in each of the folders."""
+        found = [self.beside.glob(pattern), *(one.glob(f"**/{pattern}") for one in self.below)]
+        yield from (sorted(path for path in paths if path.is_file()) for paths in found)
 
 
 def _check(path: Path, record: Record, tool: str) -> None:

@@ -20,6 +20,7 @@ from toolbox.data.layer import Layer, text_array
 from toolbox.data.reading import errors_named
 from toolbox.data.record import CHUNK, own_side_car, side_car, write_beside
 from toolbox.errors import DataError
+from toolbox.files import refuse_to_replace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -153,6 +154,7 @@ class Drawing(Layer):
         path: str | Path,
         *,
         head: Mapping[str, str] = MappingProxyType({}),
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -165,21 +167,25 @@ class Drawing(Layer):
         ----------
         path : ends in .pdf, .svg, .png or .dxf
         head : title, client and date, for a drawing that has places for them
+        overwrite : whether files at the path may be replaced
         record : how the file was made, as JSON text
         ctx : where to report progress
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             The suffix is another, or the sheet would be too large.
         """
         if head:
-            self.with_head(head).save(path, record=record, ctx=ctx)
+            self.with_head(head).save(path, overwrite=overwrite, record=record, ctx=ctx)
             return
         path = Path(path)
         suffix = path.suffix.lower()
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: drawings are written as {', '.join(self.SUFFIXES)}")
+        refuse_to_replace(self.own_files(path), overwrite=overwrite)
         with errors_named(f"{path} cannot be written"):
             if suffix == ".dxf":
                 self._write_dxf(path)

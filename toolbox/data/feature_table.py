@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 SUFFIX = ".csv"
 _AXES, _WKT = ("x", "y", "z"), "wkt"
 _COMMA = r"[-+]?\d+,\d+"  # a number where commas stand before the decimals
+_QUOTED = re.compile(r'"[^"]*"')  # texts, within which a mark parts no columns
 _EXACT = 25  # decimals that are given where needed; with 18, small coordinates are not exact
 
 
@@ -72,7 +73,7 @@ def write(
             frame.geometry.to_numpy(), rounding_precision=_EXACT if decimals is None else decimals
         )
         parts = [attributes, pd.DataFrame({_WKT: texts}, dtype=object)]
-    Table(pd.concat(parts, axis=1)).save(path)
+    Table(pd.concat(parts, axis=1)).save(path, overwrite=True)
 
 
 def read(path: Path, names: Sequence[str] | None = None) -> geopandas.GeoDataFrame:
@@ -108,7 +109,7 @@ def _frame(path: Path) -> pd.DataFrame:
     from toolbox.data import table_files  # and pandas, which only tables need
 
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        header = file.readline()
+        header = _QUOTED.sub("", file.readline())
     marks = [mark for mark in ",;\t" if mark in header]
     if not marks or marks[0] == ",":
         return Table.open(path).frame
@@ -123,7 +124,7 @@ def _named(path: Path, names: Sequence[str]) -> pd.DataFrame:
 
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         line = file.readline().rstrip("\r\n")
-    mark = next((mark for mark in ";\t," if mark in line), ",")
+    mark = next((mark for mark in ";\t," if mark in _QUOTED.sub("", line)), ",")
     cells = next(csv.reader([line], delimiter=mark), [])
     if len(cells) != len(names):
         raise DataError(f"{path}: {len(cells)} columns, and {len(names)} names for them")

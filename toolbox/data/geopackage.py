@@ -57,6 +57,18 @@ def add_style(path: Path, layer: str, qml: str) -> None:
         database.execute(row, (layer, layer, layer, qml, WRITTEN))
 
 
+def lacks(path: Path, layer: str) -> bool:
+    """Whether a path is that of a GeoPackage, there or not, without a table of this name."""
+    if path.suffix.lower() != SUFFIX or not path.exists():
+        return path.suffix.lower() == SUFFIX
+    query = "SELECT 1 FROM gpkg_contents WHERE lower(table_name) = lower(?)"
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        try:
+            return database.execute(query, (layer,)).fetchone() is None
+        except sqlite3.Error:  # another kind of file
+            return False
+
+
 def description(path: Path, layer: str) -> str:
     """What a GeoPackage says of one of its layers."""
     query = "SELECT description FROM gpkg_contents WHERE table_name = ?"

@@ -196,11 +196,26 @@ class Layer(Protocol):
         """What differs in a later version of the layer, apart from the CRS, in words."""
         return iter(())
 
-    def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        overwrite: bool = False,
+        record: str = "",
+        ctx: Context = QUIET,
+    ) -> None:
         """Write a file; most classes have more options.
+
+        Parameters
+        ----------
+        overwrite : whether files at the path may be replaced
+        record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
+        ctx : where to report progress
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             The format cannot hold the layer, or the file cannot be written.
         """

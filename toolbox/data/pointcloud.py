@@ -38,6 +38,7 @@ from toolbox.data.paths import COPC, LAS, TEXT, Paths, PointFiles, suffix_of
 from toolbox.data.reading import Reading
 from toolbox.data.record import own_side_car
 from toolbox.errors import DataError, nearest
+from toolbox.files import refuse_to_replace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -652,6 +653,7 @@ class PointCloud(Layer):
         columns: Sequence[str] | None = None,
         version: str | None = None,
         format: int | None = None,
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -670,11 +672,14 @@ class PointCloud(Layer):
         path : ends in one of SUFFIXES
         columns : of text, such as x, y, z and classification; all unless given
         version, format : of LAS, such as "1.2" and 3; those that suit the data unless given
+        overwrite : whether files at the path may be replaced
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : told of progress, and asked whether to stop
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             The format cannot hold a value, something would be lost in the version or point
             format asked for, or the file cannot be written.
@@ -685,6 +690,7 @@ class PointCloud(Layer):
             columns=columns,
             version=version,
             format=format,
+            overwrite=overwrite,
             record=record,
             ctx=ctx,
         )
@@ -718,6 +724,7 @@ class PointCloud(Layer):
         *,
         version: str | None = None,
         format: int | None = None,
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -728,13 +735,16 @@ class PointCloud(Layer):
         path : ends in .las or .laz; for .copc.laz the points are kept in a file beside it first
         clouds : clouds like this one, a template of clouds that are as read from LAS
         size : number of all their points
-        version, format, record, ctx : as for :meth:`save`
+        version, format, overwrite, record, ctx : as for :meth:`save`
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             The file cannot be written.
         """
+        refuse_to_replace(self.own_files(path), overwrite=overwrite)
         saving.save_batches(
             self,
             path,

@@ -36,6 +36,7 @@ from toolbox.data.reading import errors_named, need_memory
 from toolbox.data.record import ITEM, checked
 from toolbox.data.remote.address import as_path
 from toolbox.errors import DataError
+from toolbox.files import refuse_to_replace
 
 STRIP = 256  # rows that are written at a time; one row of tiles of the file
 _COMPRESSED = {"compress": "deflate", "bigtiff": "if_safer"}
@@ -242,6 +243,7 @@ class Raster(Layer):
         *,
         cog: bool = False,
         dtype: DTypeLike | None = None,
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -255,11 +257,14 @@ class Raster(Layer):
         path : ends in .tif or .tiff
         cog : write a Cloud Optimized GeoTIFF, with overviews
         dtype : of the file, if not that of the values; float32 rounds float64
+        overwrite : whether files at the path may be replaced
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             The suffix is another, a value does not fit the type or equals the nodata value, or
             the file cannot be written.
@@ -267,7 +272,8 @@ class Raster(Layer):
         lattice = Lattice.of(self)
         starts = range(0, lattice.rows, STRIP)
         strips = (self.values[:, start : start + STRIP] for start in starts)
-        self.save_strips(path, lattice, strips, cog=cog, dtype=dtype, record=record, ctx=ctx)
+        how: dict[str, Any] = {"cog": cog, "dtype": dtype, "overwrite": overwrite}
+        self.save_strips(path, lattice, strips, record=record, ctx=ctx, **how)
 
     def save_strips(
         self,
@@ -277,6 +283,7 @@ class Raster(Layer):
         *,
         cog: bool = False,
         dtype: DTypeLike | None = None,
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -286,11 +293,11 @@ class Raster(Layer):
         ----------
         lattice : its cells
         strips : values of shape (bands, STRIP, cols) from north to south, the last may be shorter
-        path, cog, dtype, record, ctx : as for :meth:`save`, which makes the same file
+        path, cog, dtype, overwrite, record, ctx : as for :meth:`save`, which makes the same file
 
         Raises
         ------
-        DataError
+        ParameterError, DataError
             As for :meth:`save`.
         """
         import rasterio
@@ -301,6 +308,7 @@ class Raster(Layer):
         path, wanted = Path(path), np.dtype(dtype or self.values.dtype)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: rasters are written as {' or '.join(self.SUFFIXES)}")
+        refuse_to_replace(self.own_files(path), overwrite=overwrite)
         one = replace(self, values=self.values[:, :1, :1])  # what is written where nothing is known
         profile = {
             "count": len(self.values),

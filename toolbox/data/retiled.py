@@ -24,6 +24,7 @@ from toolbox.data.reading import errors_named
 from toolbox.data.record import with_record, write_beside
 from toolbox.data.survey import Survey, SurveyFile
 from toolbox.errors import DataError
+from toolbox.files import refuse_to_replace
 
 MARGIN = "tile_margin"
 """Attribute that is 1 for the points of a tile that are the own of a neighbour, else 0."""
@@ -74,6 +75,7 @@ class Retiled(Survey):
         path: str | Path,
         *,
         place: Path | None = None,
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -86,19 +88,24 @@ class Retiled(Survey):
         ----------
         path : of the index, ends in .vpc
         place : where the index will be moved to; the tiles stand beside it
+        overwrite : whether files at the path may be replaced
         record : how the files were made, as JSON text (see `toolbox.runs.provenance`)
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             A tile or the index cannot be written, or two tiles have the same name.
         """
         path = Path(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: tiles are written with an index, {', '.join(self.SUFFIXES)}")
+        refuse_to_replace(self.own_files(path), overwrite=overwrite)
         with TemporaryDirectory(dir=path.parent, prefix=".points-") as drafts:
             metadata, cells = self._sorted_into(Path(drafts), ctx.part(0, 0.5))
             names = self._names_of(cells, (place or path).parent)
+            refuse_to_replace(map(path.with_name, names.values()), overwrite=overwrite)
             part = ctx.part(0.5, 1)
             files = _write_tiles(path, Path(drafts), with_record(metadata, record), names, part)
         with errors_named(f"{path} cannot be written"):

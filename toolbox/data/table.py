@@ -20,6 +20,7 @@ from toolbox.data.reading import errors_named
 from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
 from toolbox.data.remote.address import as_path
 from toolbox.errors import DataError
+from toolbox.files import refuse_to_replace
 
 if TYPE_CHECKING:  # of which most tools have no need; it takes long to import
     import pandas as pd
@@ -142,6 +143,7 @@ class Table(Layer):
         layer: str | None = None,
         add: bool = False,
         rounded: bool | None = None,
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -157,11 +159,14 @@ class Table(Layer):
         layer : name of the table in a GeoPackage; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
         rounded : write numbers with the digits that a survey knows, see `toolbox.data.rounding`
+        overwrite : whether files at the path, or with `add` a layer of this name, may be replaced
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             The suffix is another, the format cannot hold a value (JSON has no infinity), or the
             file cannot be written.
@@ -171,6 +176,8 @@ class Table(Layer):
         path = Path(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: tables are written as {', '.join(self.SUFFIXES)}")
+        adds = add and geopackage.lacks(path, layer or path.stem)
+        refuse_to_replace(self.own_files(path), overwrite=overwrite or adds)
         if rounded is None:
             rounded = path.suffix.lower() == ".csv" and unit_column(self.frame) is not None
         table = Table(rounding.rounded(self.frame)) if rounded else self

@@ -57,6 +57,7 @@ from toolbox.data.record import (
 from toolbox.data.remote.address import as_path
 from toolbox.data.table import Table
 from toolbox.errors import DataError
+from toolbox.files import refuse_to_replace
 
 if TYPE_CHECKING:
     import geopandas
@@ -280,6 +281,7 @@ class Vector(Layer):
         head: Mapping[str, str] = MappingProxyType({}),
         headings: kmz.Headings = MappingProxyType({}),
         qml: str = "",
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -309,24 +311,29 @@ class Vector(Layer):
         head : title, client and date (YYYY-MM-DD), for DXF, IFC and CityJSON
         headings : of columns by the name of a layer, for the balloons of KML and KMZ
         qml : the style in which QGIS draws the layer of a GeoPackage; its own choice unless given
+        overwrite : whether files at the path, or with `add` a layer of this name, may be replaced
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             The suffix is another, the format cannot hold the layer (its CRS, a mixture of
             geometry types, a value), or the file cannot be written.
         """
         if head:
             how: dict[str, Any] = {"layer": layer, "add": add, "rounded": rounded, "ctx": ctx}
-            how |= {"headings": headings, "qml": qml, "record": record}
+            how |= {"headings": headings, "qml": qml, "overwrite": overwrite, "record": record}
             self.with_head(head).save(path, **how)
             return
         path = Path(path)
         suffix = _suffix_of(path)
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: vector layers are written as {', '.join(self.SUFFIXES)}")
+        adds = add and geopackage.lacks(path, layer or path.stem)
+        refuse_to_replace(self.own_files(path), overwrite=overwrite or adds)
         local = self.crs if self.crs is not None and is_local(self.crs) else None
         if local is not None and suffix not in (geopackage.SUFFIX, ".parquet"):
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(local))

@@ -387,10 +387,18 @@ def _show_mistake(field: Field, show: Show) -> str | None:
 
 
 def _check(job: Any) -> None:
-    """Check the values of a tool and raise all problems that can be known before the run."""
+    """Read and check the values of a tool; raise all problems that can be known before the run.
+
+    Plain values of Python are read as `toolbox.run` reads them: (2, 9) as classes, a name as an
+    attribute, a path as a file.
+    """
     spec: Spec = job.spec
-    values = {name: getattr(job, name) for name in spec.inputs}
-    wrong, unsuitable = spec.problems(values), _layer_problems(spec, values)
+    given = {name: getattr(job, name) for name in spec.inputs}
+    read, wrong = spec.parse(given)
+    values = given | read
+    for name, value in read.items():
+        object.__setattr__(job, name, value)  # the dataclass is frozen
+    unsuitable = _layer_problems(spec, values)
     if wrong:
         raise ParameterError(spec.id, unsuitable | wrong)
     if unsuitable:

@@ -7,25 +7,27 @@ hold. Files that carry a record themselves become ancestors of the products.
 from __future__ import annotations
 
 import hashlib
-import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pyproj import CRS
 
 from toolbox import __version__
 from toolbox.context import QUIET, Context, log
 from toolbox.data import shapefile
 from toolbox.data.crs import crs_text
-from toolbox.data.layer import Inside, Layer, text_array
-from toolbox.data.reading import Reading, file_hash
+from toolbox.data.layer import Inside, Layer
+from toolbox.data.reading import Reading
 from toolbox.data.remote.address import Address
 from toolbox.declare.fields import Field, Spec
 from toolbox.errors import DataError
 from toolbox.models.model import Model, Runner, leading_steps, run_tool
 from toolbox.reports.page import Told, told_by
+from toolbox.runs import origins
+from toolbox.runs.origins import Origin
 from toolbox.runs.provenance import Count, Entry, Input, Record, plain, read
 from toolbox.runs.source import Source, Sources
 from toolbox.runs.target import Target
@@ -139,7 +141,7 @@ def describe_inputs(
     if problems:
         raise DataError(spec.id, problems)
     ctx.progress(1.0)
-    return inputs, *_ancestors(files, reading)
+    return inputs, *_ancestors(files, filter(None, map(_origin, (s for _, s in given))), reading)
 
 
 def leading_to(spec: Spec, output: str) -> Iterator[tuple[str, str]]:
@@ -249,8 +251,8 @@ def _numbers_as_floats(value: Any, schema: Mapping[str, Any]) -> Any:
 
 def _inputs(source: Source, reading: Reading, ctx: Context) -> Iterator[Input]:
     """Descriptions of the files of a layer: one each, or a single one if there are very many."""
-    if source.layer is not None:
-        yield Input(IN_MEMORY, _content(source.layer), None)
+    if origin := _origin(source):
+        yield Input(IN_MEMORY, origin.sha256, None)
         return
     options = plain(source.options)
     paths = source.files
@@ -258,6 +260,46 @@ def _inputs(source: Source, reading: Reading, ctx: Context) -> Iterator[Input]:
     for place, group in enumerate(groups):
         part = ctx.part(place / len(groups), (place + 1) / len(groups))
         yield _described(group, options, reading, part)
+
+
+def _origin(source: Source) -> Origin | None:
+    """What is known of a layer that is or was in memory; None of one in files."""
+    return source.origin or (None if source.layer is None else origins.of(source.layer))
+
+
+def remember(
+    found: Mapping[str, Any],
+    sources: Sources,
+    reading: Reading,
+    describe: Callable[[Sources, Reading], Record],
+    counts: Sequence[Count],
+) -> None:
+    """Remember how the layers were made that a run leaves in memory.
+
+    Parameters
+    ----------
+    found : the results of the run that are no files, by name
+    sources, reading : what the run has read, and what is known of the files
+    describe : gives the record of the run, without counts
+    """
+    if not any(isinstance(value, Layer | tuple) for value in found.values()):
+        return
+    kept = {
+        n: tuple(replace(s, layer=None, origin=_origin(s)) for s in sources[n]) for n in sources
+    }
+    before = tuple(s.origin for items in kept.values() for s in items if s.origin)
+
+    def record(output: str, number: int | None, crs: str) -> Record:
+        reading.check_unchanged()
+        whole = replace(describe(kept, reading), counts=tuple(counts))
+        return replace(whole.of(output, None, {}, number), crs=crs)
+
+    for name, value in found.items():
+        several = isinstance(value, tuple)
+        for number, layer in enumerate(value if several else [value], start=1):
+            if isinstance(layer, Layer):
+                which = (name, number if several else None, crs_text(layer.crs))
+                origins.remember(layer, Origin("", partial(record, *which), before))
 
 
 def _described(
@@ -311,30 +353,20 @@ def joint_hash(hashes: Mapping[Path, str]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _content(layer: Layer) -> str:
-    """SHA-256 of the content of a layer, in memory and in files."""
-    made = hashlib.sha256(crs_text(layer.crs).encode())
-    of_files = ((path.name, text_array(file_hash(path))) for path in layer.paths)
-    for name, values in itertools.chain(layer.contents(), of_files):
-        array = np.ascontiguousarray(values)
-        made.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        made.update(array.data if array.size else b"")
-    return made.hexdigest()
-
-
-def _ancestors(files: Iterable[Path], reading: Reading) -> tuple[dict[str, Entry], int]:
-    """Records of files and of their ancestors by hash, and the number of ancestors left out."""
-    near: dict[str, Entry] = {}
-    far: dict[str, Entry] = {}
-    omitted = 0
+def _ancestors(
+    files: Iterable[Path], layers: Iterable[Origin], reading: Reading
+) -> tuple[dict[str, Entry], int]:
+    """Records of inputs and of their ancestors by hash, and the number of ancestors left out."""
+    records = {origin.sha256: origin.record for origin in layers}
     for path in dict.fromkeys(files):
         try:
-            record = read(path, reading)
+            records[reading.hash_of(path)] = read(path, reading)
         except DataError as error:
             log.warning("%s; how it was made is not passed on", error)
-            continue
-        if record is not None:
-            near[reading.hash_of(path)] = record.entry()
-            far |= {key: entry for key, entry in record.ancestors.items() if key not in far}
-            omitted = max(omitted, record.omitted)
+    known = {key: record for key, record in records.items() if record is not None}
+    near: dict[str, Entry] = {key: record.entry() for key, record in known.items()}
+    far: dict[str, Entry] = {}
+    for record in known.values():
+        far |= {key: entry for key, entry in record.ancestors.items() if key not in far}
+    omitted = max((record.omitted for record in known.values()), default=0)
     return near | {key: entry for key, entry in far.items() if key not in near}, omitted

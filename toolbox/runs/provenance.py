@@ -42,7 +42,8 @@ class Input:
     ----------
     file : name without folder; "in memory"; of very many files what their names have in common,
         such as "*.laz"
-    sha256 : of the file; of several (many files, the parts of a Shapefile) that of the lines
+    sha256 : of the file; of a layer in memory that of the record of the run that made it, or of
+        its content if none did; of several (many files, the parts of a Shapefile) that of the lines
         ``<hash>  <name>`` in the order of the names, as the program sha256sum prints them
     bytes : size, of all files together; None in memory
     files : their number
@@ -97,8 +98,8 @@ class Record:
     crs : of the file, as a code, "local" or WKT; "" if it has none
     counts : in the order of the steps; of a file, those of the layers that led to it
     leads : which layers lead to each output, as pairs of step and name; not part of the text
-    ancestors : the records of files from which the inputs were made, and so on backwards, by the
-        sha256 of each file; the nearest come first
+    ancestors : the records of the inputs, files or layers in memory that a run made, of those that
+        they were made from, and so on backwards, by the sha256 of each; the nearest come first
     omitted : number of ancestors for which there was no room, at least
     """
 
@@ -189,6 +190,18 @@ class Record:
             return cls(**values)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise DataError(f"the record is damaged or of a later version: {error!r}") from error
+
+    def ancestor(self, sha256: str) -> Self | None:
+        """The record of one of the ancestors; None if there is none.
+
+        Raises
+        ------
+        DataError
+            It is damaged.
+        """
+        entry = self.ancestors.get(sha256)
+        rest = {"ancestors": self.ancestors, "omitted": self.omitted}
+        return None if entry is None else self.from_json(_dumps({**entry, **rest}))
 
     def text(self) -> str:
         """The record as text to read."""

@@ -20,6 +20,7 @@ from toolbox.data.remote.address import Address, as_path
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import Kind, parsed_options
 from toolbox.errors import DataError, ToolboxError
+from toolbox.runs.origins import Origin
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Source:
     options : how it is opened, as its kind takes them
     several : whether many files may be one layer
     problem : what is wrong with it, as far as that is known before it is opened
+    origin : what is known of a layer that was in memory, and is not needed any more
     """
 
     layer: Any = None
@@ -40,6 +42,7 @@ class Source:
     options: Mapping[str, Any] = field(default_factory=dict)
     several: bool = False
     problem: str | None = None
+    origin: Origin | None = None
 
     @classmethod
     def of(cls, kind: Kind, value: Any) -> Source:

@@ -209,7 +209,7 @@ def test_provenance_and_replay(points: Path, capsys: pytest.CaptureFixture[str])
     assert capsys.readouterr().out == "b.tif: the same\n"
     raster = Raster.open("b.tif")
     Raster(raster.values + 1, raster.transform, crs=raster.crs).save(
-        "b.tif", record=read_record("b.tif")
+        "b.tif", overwrite=True, record=read_record("b.tif")
     )
     assert main(["replay", "b.tif"]) == 3
     error = capsys.readouterr().err

@@ -30,6 +30,15 @@ def test_a_search_gives_what_speaks_of_all_words(capsys: pytest.CaptureFixture[s
     assert "surface.grid" not in found
 
 
+def test_one_and_several_are_the_same_word_which_begins_a_word() -> None:
+    tools = [
+        {"id": "a.b", "title": title, "description": "X.", "keywords": []}
+        for title in ("Single tree", "All trees", "Streets", "Ağaç")
+    ]
+    for word, found in [("trees", 2), ("tree", 2), ("ağaçlar", 1), ("street", 1), ("reet", 0)]:
+        assert len(listing.matching(tools, [word])) == found, word
+
+
 def test_a_search_without_an_answer_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "submarine"]) == 2
     assert "no tool speaks of 'submarine'" in capsys.readouterr().err

@@ -29,7 +29,7 @@ def town(*shapes: Any, **values: Any) -> Vector:
 
 
 def saved(layer: Vector, tmp_path: Path) -> dict[str, Any]:
-    layer.save(tmp_path / "a.city.json")
+    layer.save(tmp_path / "a.city.json", overwrite=True)
     made: dict[str, Any] = json.loads((tmp_path / "a.city.json").read_text())
     return made
 

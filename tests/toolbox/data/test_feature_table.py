@@ -35,7 +35,7 @@ def test_points_are_columns_that_a_spreadsheet_shows(tmp_path: Path) -> None:
     places = geopandas.GeoDataFrame({"id": [7]}, geometry=[shapely.Point(1.5, 2, 3)])
     Vector(places).save(tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text() == "x,y,z,id\n1.5,2.0,3.0,7\n"
-    Vector(places.assign(Z=9)).save(tmp_path / "a.csv")
+    Vector(places.assign(Z=9)).save(tmp_path / "a.csv", overwrite=True)
     assert (tmp_path / "a.csv").read_text() == "id,Z,wkt\n7,9,POINT Z (1.5 2 3)\n"
 
 
@@ -55,3 +55,16 @@ def test_an_empty_table_has_the_columns_of_a_full_one(
     frame = geopandas.GeoDataFrame({"id": []}, geometry=[])
     Vector(frame, geometry_type=kind).save(tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text() == f"{header}\n"
+
+
+@pytest.mark.parametrize("names", [None, ["name; note", "x", "y"]])
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_marks_within_quotes_part_no_columns(
+    names: list[str] | None, mark: str, tmp_path: Path
+) -> None:
+    """In such a line the mark within the quotes had been taken for that of the columns."""
+    quoted = '"name; note, remark"'
+    rows = [[quoted, "x", "y"], ["a", "1", "2"]]
+    (tmp_path / "a.csv").write_text("".join(f"{mark.join(row)}\n" for row in rows))
+    layer = Vector.open(tmp_path / "a.csv", columns=names)
+    assert shapely.get_coordinates(layer.frame.geometry).tolist() == [[1.0, 2.0]]

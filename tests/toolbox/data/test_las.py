@@ -698,7 +698,7 @@ def test_bytes_that_nothing_describes_are_joined(tmp_path: Path) -> None:
     def spare(count: int) -> PointCloud:
         extras = [laspy.ExtraBytesParams("a", f"{count}u1")]
         values = np.arange(3 * count).reshape(3, count) if count > 1 else np.arange(3)
-        plain(6, extras=extras, a=values).save(tmp_path / "a.las")
+        plain(6, extras=extras, a=values).save(tmp_path / "a.las", overwrite=True)
         content = (tmp_path / "a.las").read_bytes().replace(b"LASF_Spec", b"LASF_None")
         return PointCloud.open(write(tmp_path / "b.las", content))
 
@@ -719,7 +719,7 @@ def test_waveforms_of_other_files_are_not_kept(
     """Nor claimed to be: those of the first file alone are there."""
 
     def scanned(content: bytes) -> PointCloud:
-        plain(4, minor=3).save(tmp_path / "a.las")
+        plain(4, minor=3).save(tmp_path / "a.las", overwrite=True)
         file = bytearray((tmp_path / "a.las").read_bytes())
         struct.pack_into("<H", file, 6, 2)  # waveforms inside
         struct.pack_into("<Q", file, 227, len(file))

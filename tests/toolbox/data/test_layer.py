@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import geopandas
@@ -13,10 +14,11 @@ from affine import Affine
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from toolbox.data import PointCloud, Raster, Report, Section, Table, Vector
+from toolbox.data import PointCloud, Raster, Report, Section, Survey, Table, Vector
 from toolbox.data.drawing import Drawing
 from toolbox.data.layer import Layer
-from toolbox.errors import DataError
+from toolbox.data.retiled import Retiled
+from toolbox.errors import DataError, ParameterError
 
 UTM = CRS(32631)
 POINTS = PointCloud([[0.5, 0.5, 1], [1.5, 0.5, 2], [1.5, 2.5, 3]], {"intensity": [1, 2, 3]})
@@ -40,6 +42,55 @@ def west(values: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
 
 def nowhere(values: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
     return np.full(len(values), False)
+
+
+@pytest.mark.parametrize(
+    ("name", "ending"),
+    [
+        ("points", ".las"),
+        ("points", ".xyz"),
+        ("cells", ".tif"),
+        ("squares", ".shp"),
+        ("squares", ".gpkg"),
+        ("rows", ".csv"),
+        ("page", ".html"),
+        ("section", ".dxf"),
+        ("survey", ".vpc"),
+        ("tiles", ".vpc"),
+    ],
+)
+def test_no_file_is_replaced_unless_that_is_said(name: str, ending: str, tmp_path: Path) -> None:
+    POINTS.save(tmp_path / "a.las")
+    survey = Survey.open(tmp_path / "a.las")
+    tiles = Retiled(survey.files, "a", side=1.0, pattern="{x}_{y}.las")
+    more = {"section": Drawing("Road", (), (), scale=500), "survey": survey, "tiles": tiles}
+    layer, path = {**LAYERS, **more}[name], tmp_path / f"b{ending}"
+    layer.save(path)
+    before = path.read_bytes()
+    with pytest.raises(ParameterError, match=rf"b\{ending} exists; allow it with overwrite=True"):
+        layer.save(path)
+    assert path.read_bytes() == before
+    layer.save(path, overwrite=True)
+
+
+def test_tiles_replace_no_file_of_somebody_else(tmp_path: Path) -> None:
+    POINTS.save(tmp_path / "a.las")
+    (tmp_path / "0_0.las").write_text("notes")
+    tiles = Retiled(Survey.open(tmp_path / "a.las").files, "a", side=1.0, pattern="{x}_{y}.las")
+    with pytest.raises(ParameterError, match=r"0_0\.las exists"):
+        tiles.save(tmp_path / "b.vpc")
+    assert (tmp_path / "0_0.las").read_text() == "notes"
+
+
+@pytest.mark.parametrize("name", ["squares", "rows"])
+def test_a_layer_is_added_to_a_geopackage_but_replaces_none(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.gpkg"
+    LAYERS[name].save(path, layer="one")
+    LAYERS[name].save(path, layer="two", add=True)
+    with pytest.raises(ParameterError, match="exists"):
+        LAYERS[name].save(path, layer="Two", add=True)
+    LAYERS[name].save(path, layer="two", add=True, overwrite=True)
+    assert len(Vector.layers(path)) + len(Table.layers(path)) == 2
 
 
 @pytest.mark.parametrize(

@@ -225,9 +225,11 @@ def test_file_has_the_type_of_the_values(tmp_path: Path) -> None:
     times = Raster(np.array([[300_000_000.000001, np.nan]]), NORTH_UP)
     times.save(tmp_path / "a.tif")
     assert np.array_equal(Raster.open(tmp_path / "a.tif").values, times.values, equal_nan=True)
-    times.save(tmp_path / "a.tif", dtype="float32")
+    times.save(tmp_path / "a.tif", dtype="float32", overwrite=True)
     assert Raster.open(tmp_path / "a.tif").values[0, 0, 0] == np.float32(3e8)
-    Raster(np.array([[1, 2]], np.uint8), NORTH_UP).save(tmp_path / "a.tif", dtype="int16")
+    Raster(np.array([[1, 2]], np.uint8), NORTH_UP).save(
+        tmp_path / "a.tif", dtype="int16", overwrite=True
+    )
     assert Raster.open(tmp_path / "a.tif").values.dtype == np.int16
 
 
@@ -277,7 +279,7 @@ def test_stale_parts_are_removed(tmp_path: Path) -> None:
         assert file.crs == "EPSG:32631"
         assert {Path(name) for name in file.files} <= {path, *side_cars}
     path.unlink()  # or GDAL would remove the others with it
-    Raster(np.zeros((2, 2)), NORTH_UP).save(path)
+    Raster(np.zeros((2, 2)), NORTH_UP).save(path, overwrite=True)
     assert Raster.open(path).crs is None
     assert list(tmp_path.iterdir()) == [path]
 
@@ -332,7 +334,7 @@ def test_float_nodata_of_any_kind_is_nan(tmp_path: Path) -> None:
         path = foreign(tmp_path / "a.tif", np.array([[[nodata, 5]]], np.float32), nodata=nodata)
         raster = Raster.open(path)
         assert np.array_equal(raster.values, [[[np.nan, 5]]], equal_nan=True)
-        raster.save(tmp_path / "b.tif")
+        raster.save(tmp_path / "b.tif", overwrite=True)
         assert np.array_equal(Raster.open(tmp_path / "b.tif").values, raster.values, equal_nan=True)
 
 

@@ -104,7 +104,7 @@ def test_the_layer_is_the_same_with_and_without(
     assert read_record(path) == ""
     assert not path.with_name(f"{path.name}.json").exists()
     plain = type(make()).open(path)
-    make().save(path, record=RECORD, **how)
+    make().save(path, record=RECORD, **how, overwrite=True)
     found = type(make()).open(path)
     assert set(tmp_path.iterdir()) <= set(
         type(make()).own_files(path)
@@ -126,12 +126,12 @@ def test_what_an_earlier_run_said_goes(
 ) -> None:
     path, kind = tmp_path / f"a{suffix}", type(make())
     make().save(path, **how)
-    kind.open(path).save(path, **how)
+    kind.open(path).save(path, **how, overwrite=True)
     plain = contents(tmp_path)
     for record in (RECORD, OTHER):
-        make().save(path, record=record, **how)
+        make().save(path, overwrite=True, record=record, **how)
     assert read_record(path) == OTHER
-    kind.open(path).save(path, **how)  # a LAS file keeps its records, but for this one
+    kind.open(path).save(path, overwrite=True, **how)  # a LAS file keeps its records, but for this one
     assert read_record(path) == ""
     assert contents(tmp_path) == plain
 
@@ -154,7 +154,7 @@ def test_a_long_record_stands_behind_the_points(suffix: str, tmp_path: Path) -> 
     for size, evlrs in [(65_535, 0), (65_536, 1)]:
         long = json.dumps({"lidar-toolbox": ""})
         long = json.dumps({"lidar-toolbox": "x" * (size - len(long))})
-        cloud().save(tmp_path / f"a{suffix}", record=long)
+        cloud().save(tmp_path / f"a{suffix}", record=long, overwrite=True)
         assert read_record(tmp_path / f"a{suffix}") == long
         found = laspy.read(tmp_path / f"a{suffix}")
         assert len(found.evlrs) == evlrs
@@ -182,12 +182,12 @@ def test_side_cars_of_others_are_left_alone(tmp_path: Path) -> None:
     path, beside = tmp_path / "a.csv", tmp_path / "a.csv.json"
     for text in ('{"mine": 1}', "[]", "no json", "[" * 100_000):
         beside.write_text(text)
-        table().save(path)
+        table().save(path, overwrite=True)
         assert read_record(path) == ""
         assert Table.own_files(path) == (path,)
         assert foreign_side_car(path) == beside
         with pytest.raises(DataError, match=r"a\.csv\.json is no record of ours"):
-            table().save(path, record=RECORD)
+            table().save(path, record=RECORD, overwrite=True)
         assert beside.read_text() == text
     assert side_car("a.laz") is None
     assert foreign_side_car("a.laz") is None
@@ -197,7 +197,7 @@ def test_what_is_no_record_is_not_written(tmp_path: Path) -> None:
     assert not is_record('{"tool": "x"}')
     for make, suffix, how in LAYERS:
         with pytest.raises(ValueError, match="member 'lidar-toolbox'"):
-            make().save(tmp_path / f"a{suffix}", record='{"tool": "x"}', **how)
+            make().save(tmp_path / f"a{suffix}", overwrite=True, record='{"tool": "x"}', **how)
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

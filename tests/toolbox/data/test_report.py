@@ -81,7 +81,7 @@ def test_the_record_comes_back(tmp_path: Path) -> None:
         report("x").save(tmp_path / name, record=RECORD)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     assert json.loads(read_record(tmp_path / "a.html")) == json.loads(RECORD)
-    report("x").save(tmp_path / "a.html")
+    report("x").save(tmp_path / "a.html", overwrite=True)
     assert read_record(tmp_path / "a.html") == ""
     assert [path.name for path in tmp_path.iterdir() if path.suffix != ".html"] == []
 

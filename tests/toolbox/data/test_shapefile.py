@@ -72,7 +72,7 @@ def test_long_names_come_back(tmp_path: Path, caplog: pytest.LogCaptureFixture) 
 
 def test_no_side_table_without_need(tmp_path: Path) -> None:
     layer().save(tmp_path / "a.shp")
-    layer(id=[1]).save(tmp_path / "a.shp")
+    layer(id=[1]).save(tmp_path / "a.shp", overwrite=True)
     assert not (tmp_path / "a.fields.csv").exists()
     assert Vector.open(tmp_path / "a.shp").names == ("id",)
 
@@ -105,7 +105,7 @@ def test_times_become_texts(tmp_path: Path, caplog: pytest.LogCaptureFixture) ->
 def test_small_numbers_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     layer(share=[0.0, 1e-8, np.nan]).save(tmp_path / "a.shp")
     assert not caplog.messages
-    layer(share=[0.0, 1.23456789e-9, np.nan]).save(tmp_path / "a.shp")
+    layer(share=[0.0, 1.23456789e-9, np.nan]).save(tmp_path / "a.shp", overwrite=True)
     assert "share has numbers below 1e-08" in caplog.text
     assert Vector.open(tmp_path / "a.shp").frame["share"][1] == pytest.approx(1.234568e-9, rel=1e-6)
 

@@ -502,7 +502,7 @@ def test_a_file_that_changed_since_its_header_was_read(name: str, tmp_path: Path
     os.utime(path, (1000, 1000))
     survey = Survey.open(tmp_path)
     assert len(survey.read()) == 2
-    points.save(path)
+    points.save(path, overwrite=True)
     for read in (survey.read, lambda: list(survey.batches(1))):
         with pytest.raises(DataError, match=f"{name} changed while the run was reading"):
             read()

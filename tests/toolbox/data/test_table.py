@@ -220,7 +220,7 @@ def test_geopackage_of_a_table_and_a_layer(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(Table.open(tmp_path / "a.gpkg", layer="rows").frame, rows)
     with pytest.raises(DataError, match="its tables are rows, more; name one as layer"):
         Table.open(tmp_path / "a.gpkg")
-    Table(rows).save(tmp_path / "a.gpkg")
+    Table(rows).save(tmp_path / "a.gpkg", overwrite=True)
     assert len(Table.open(tmp_path / "a.gpkg")) == 2
     assert Vector.layers(tmp_path / "a.gpkg") == ()
 

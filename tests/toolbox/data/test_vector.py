@@ -63,7 +63,7 @@ def test_geopackage_as_older_qgis_wants_it(tmp_path: Path) -> None:
     assert pyogrio.list_layers(tmp_path / "roofs.gpkg").tolist() == [["roofs", "Point Z"]]
     version = int.from_bytes((tmp_path / "roofs.gpkg").read_bytes()[60:64], "big")
     assert version == 10300  # the user_version of its SQLite header
-    Vector(points()).save(tmp_path / "roofs.gpkg", layer="other")
+    Vector(points()).save(tmp_path / "roofs.gpkg", layer="other", overwrite=True)
     assert pyogrio.list_layers(tmp_path / "roofs.gpkg").tolist() == [["other", "Point Z"]]
 
 
@@ -88,7 +88,7 @@ def test_stale_parts_are_removed(tmp_path: Path) -> None:
     Vector(points("EPSG:32631")).save(path)
     (tmp_path / "a.sbn").write_text("index of other features")
     assert set(tmp_path.iterdir()) <= set(Vector.own_files(path))
-    Vector(points(None)).save(path)
+    Vector(points(None)).save(path, overwrite=True)
     assert Vector.open(path).crs is None
     endings = sorted(part.suffix for part in tmp_path.iterdir())
     assert endings == [".cpg", ".dbf", ".shp", ".shx"]
@@ -105,7 +105,7 @@ def test_kml_draws_lines_at_their_heights_and_areas_on_the_ground(tmp_path: Path
     area = shapely.force_3d(line.buffer(5), 85.0)
     for shape, heights in ((line, True), (area, False), (shapely.force_2d(line), False)):
         frame = geopandas.GeoDataFrame(geometry=[shape], crs=32635)
-        Vector(frame).save(tmp_path / "a.kml")
+        Vector(frame).save(tmp_path / "a.kml", overwrite=True)
         text = (tmp_path / "a.kml").read_text()
         assert ("<altitudeMode>absolute</altitudeMode>" in text) == heights
 

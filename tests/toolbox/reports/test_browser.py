@@ -255,7 +255,7 @@ def test_headings_stay_with_their_tables_on_paper_and_short_tables_whole(tmp_pat
     place = tmp_path / "page.pdf"
     for count in range(36, 54):
         parts = [Section("First", [table(count)]), Section("Long", [table(40)])]
-        Report("Paper", [*parts, Section("Short", [table(12)])]).save(place)
+        Report("Paper", [*parts, Section("Short", [table(12)])]).save(place, overwrite=True)
         told = subprocess.run(["pdftotext", "-layout", place, "-"], capture_output=True, check=True)
         for title, least in (("Long", 1), ("Short", 12)):
             page = next(page for page in told.stdout.decode().split("\f") if title in page)

@@ -99,9 +99,9 @@ def test_layers_are_known_by_what_they_hold(
     again.parent.mkdir()
     cloud().save(again)
     assert go(again) == STEPS
-    cloud(lift=1.0).save(files[1])
+    cloud(lift=1.0).save(files[1], overwrite=True)
     assert go() == []
-    cloud().with_crs(CRS(32636)).save(files[1])
+    cloud().with_crs(CRS(32636)).save(files[1], overwrite=True)
     assert go() == []
     assert go(PointCloud.open(files[1])) == STEPS
     bounded = {"path": files[1], "bounds": [0, 0, 10, 10]}

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import gc
 import hashlib
 import json
 import shutil
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,7 +31,7 @@ from toolbox.data.crs import LOCAL, crs_text, parse_crs, same_crs
 from toolbox.data.reading import Reading
 from toolbox.data.record import read_record
 from toolbox.errors import Cancelled, DataError, ParameterError
-from toolbox.runs import lineage
+from toolbox.runs import lineage, origins
 from toolbox.runs.lineage import describe_inputs
 from toolbox.runs.provenance import Count, Input, Record, read
 from toolbox.runs.source import of_run
@@ -145,9 +148,9 @@ def test_a_changed_product_is_told_from_the_run(folder: Path) -> None:
     raster = Raster.open(path)
     values = raster.values.copy()
     values[0, 3, 4:6] += [0.25, 1.5]
-    dataclasses.replace(raster, values=values).save(path, record=record)
+    dataclasses.replace(raster, values=values).save(path, record=record, overwrite=True)
     assert replay(path) == ["band 1: 2 of 900 cells differ by up to 1.5"]
-    dataclasses.replace(raster, values=values[:, 1:]).save(path, record=record)
+    dataclasses.replace(raster, values=values[:, 1:]).save(path, record=record, overwrite=True)
     assert replay(path)[0].startswith("(1, 29, 30) cells of 2 from")
 
 
@@ -160,13 +163,13 @@ def test_changed_points_are_told_from_the_run(folder: Path) -> None:
     moved = points.xyz.copy()
     moved[7, 2] += 0.5
     changed = points.with_attributes({"classification": labels, "more": labels}).with_xyz(moved)
-    changed.save(folder / "b.laz", record=record)
+    changed.save(folder / "b.laz", record=record, overwrite=True)
     count = len(points)
     z, classes, more = replay(folder / "b.laz")
     assert z == f"z: 1 of {count} points differ by up to 0.5"
     assert classes.startswith(f"classification: 3 of {count} points differ by up to ")
     assert more == "more: is missing"
-    points.select(labels != 1).save(folder / "b.laz", record=record)
+    points.select(labels != 1).save(folder / "b.laz", record=record, overwrite=True)
     assert replay(folder / "b.laz") == [f"{count - 3} points, now {count}"]
 
 
@@ -174,10 +177,10 @@ def test_changed_tables_are_told_from_the_run(folder: Path) -> None:
     toolbox.run("points.info", {"points": folder / "a.laz", "table": folder / "b.csv"})
     record = read_record(folder / "b.csv")
     frame = Table.open(folder / "b.csv").frame
-    Table(frame.iloc[1:]).save(folder / "b.csv", record=record)
+    Table(frame.iloc[1:]).save(folder / "b.csv", record=record, overwrite=True)
     assert replay(folder / "b.csv") == [f"{len(frame) - 1} rows, now {len(frame)}"]
     frame.loc[2, "value"] = "other"
-    Table(frame).save(folder / "b.csv", record=record)
+    Table(frame).save(folder / "b.csv", record=record, overwrite=True)
     assert replay(folder / "b.csv") == [f"value: 1 of {len(frame)} rows differ"]
 
 
@@ -186,7 +189,7 @@ def test_another_version_is_told(folder: Path, caplog: pytest.LogCaptureFixture)
     assert replay(path) == []
     assert "was made by version" not in caplog.text
     old = dataclasses.replace(record_of(path), version="0.0.1")
-    Raster.open(path).save(path, record=old.to_json())
+    Raster.open(path).save(path, record=old.to_json(), overwrite=True)
     assert replay(path) == []
     assert f"was made by version 0.0.1; this is {toolbox.__version__}" in caplog.text
 
@@ -194,7 +197,7 @@ def test_another_version_is_told(folder: Path, caplog: pytest.LogCaptureFixture)
 def test_the_same_content_in_other_bytes(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = grid(folder)
     record = read_record(path)
-    Raster.open(path).save(path, cog=True, record=record)
+    Raster.open(path).save(path, cog=True, overwrite=True, record=record)
     with caplog.at_level("INFO", "toolbox"):
         assert replay(path) == []
     assert "the content is the same, but not every byte" in caplog.text
@@ -205,7 +208,7 @@ def test_inputs_that_are_missing_or_have_changed_are_named(folder: Path) -> None
     values = {"points": folder / "a.laz", "reference": folder / "truth.laz"}
     toolbox.run("compare.classes", values | {"confusion": folder / "b.csv"})
     (folder / "truth.laz").unlink()
-    cloud(3).save(folder / "a.laz")
+    cloud(3).save(folder / "a.laz", overwrite=True)
     with pytest.raises(DataError) as caught:
         replay(folder / "b.csv")
     assert caught.value.problems.keys() == {"points", "reference"}
@@ -280,7 +283,9 @@ def test_one_of_a_folder_of_files(folder: Path) -> None:
     assert (record.output, record.file) == ("kept", "1.laz")
     assert replay(folder / "out" / "1.laz", inputs=folder / "tiles") == []
     points = PointCloud.open(folder / "out" / "1.laz")
-    points.select(np.arange(9)).save(folder / "out" / "1.laz", record=record.to_json())
+    points.select(np.arange(9)).save(
+        folder / "out" / "1.laz", record=record.to_json(), overwrite=True
+    )
     (text,) = replay(folder / "out" / "1.laz", inputs=folder / "tiles")
     assert text == f"9 points, now {len(points)}"
 
@@ -308,7 +313,7 @@ def test_very_many_files_are_one_line(folder: Path, monkeypatch: pytest.MonkeyPa
     digest = hashlib.sha256(lines.encode()).hexdigest()
     assert (item.file, item.files, item.sha256) == ("*.laz", 3, digest)
     assert replay(folder / "dtm.tif", inputs=folder / "tiles") == []
-    cloud(4).save(folder / "tiles" / "3.laz")
+    cloud(4).save(folder / "tiles" / "3.laz", overwrite=True)
     with pytest.raises(DataError, match="has changed since"):
         replay(folder / "dtm.tif", inputs=folder / "tiles")
 
@@ -331,6 +336,13 @@ def test_a_model_and_its_steps(folder: Path) -> None:
     assert Count("low", "points", 4000) in record.counts
     assert Count("dtm", "points", low) in record.counts
     assert replay(folder / "dtm.tif") == replay(folder / "b.laz") == []
+    for name, place in [("a.laz", "survey"), ("lowest.yaml", "models"), ("dtm.tif", "made")]:
+        (folder / place).mkdir()
+        shutil.copy(folder / name, folder / place / name)
+    product = folder / "made" / "dtm.tif"
+    assert replay(product, inputs=[folder / "survey", folder / "models"]) == []
+    with pytest.raises(DataError, match=r"no file lowest\.yaml in .*made and in .*survey or below"):
+        replay(product, inputs=folder / "survey")
     path.write_text(path.read_text().replace("z < 3", "z < 4"))
     with pytest.raises(DataError, match=r"model: lowest\.yaml .* has changed since"):
         replay(folder / "dtm.tif")
@@ -361,12 +373,72 @@ def test_layers_in_memory_are_known_by_their_content(folder: Path) -> None:
         replay(folder / "dtm.tif")
 
 
+def test_a_chain_in_memory_says_its_steps_and_is_run_again(folder: Path) -> None:
+    thin = toolbox.run("points.thin", {"points": folder / "a.laz", "cell": 1})
+    low = toolbox.run("points.filter", {"points": thin.thinned, "classes": (2,)})
+    path = grid(folder, points=low.kept)
+    record = record_of(path)
+    near, far = record.ancestors.values()
+    assert (near["tool"], near["output"]) == ("points.filter", "kept")
+    assert near["parameters"]["classes"] == "2"
+    assert near["counts"][1] == {"step": "points.filter", "name": "kept", "count": len(low.kept)}
+    (item,) = far["inputs"]["points"]
+    digest = lineage.describe_files([folder / "a.laz"]).sha256
+    assert (far["tool"], item["file"], item["sha256"]) == ("points.thin", "a.laz", digest)
+    assert "in memory: kept of points.filter" in record.text()
+    assert replay(path) == []
+    cloud(2).save(folder / "a.laz", overwrite=True)
+    with pytest.raises(DataError) as caught:
+        replay(path)
+    (name,) = caught.value.problems
+    assert name == "points, points.filter.points, points.thin.points"
+
+
+def test_what_was_changed_in_python_is_not_of_the_tool(folder: Path) -> None:
+    thinned = toolbox.run("points.thin", {"points": folder / "a.laz", "cell": 1}).thinned
+    path = grid(folder, points=thinned.select(thinned["classification"] == 2))
+    assert record_of(path).ancestors == {}
+    with pytest.raises(DataError, match="points: was a layer in memory, which no run"):
+        replay(path)
+
+
+def test_a_file_that_changed_before_the_product_was_made_is_told(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    thinned = toolbox.run("points.thin", {"points": folder / "a.laz", "cell": 1}).thinned
+    cloud(2, 3000).save(folder / "a.laz", overwrite=True)
+    assert record_of(grid(folder, points=thinned)).ancestors == {}
+    assert "how a layer in memory was made is not passed on" in caplog.text
+
+
+def test_a_chain_in_memory_holds_none_of_its_layers(folder: Path) -> None:
+    points = cloud(size=40)
+    first = weakref.ref(points)
+    for _ in range(2):
+        points = toolbox.run("points.filter", {"points": points, "classes": (2, 6)}).kept
+    gc.collect()
+    assert first() is None
+    assert len(record_of(grid(folder, points=points)).ancestors) == 2
+
+
+def test_a_chain_in_memory_may_be_long() -> None:
+    def step(before: origins.Origin) -> origins.Origin:
+        def describe() -> Record:
+            inputs = {"points": (Input("in memory", before.sha256, None),)}
+            return Record(version="1", tool="a.b", title="", parameters={}, inputs=inputs)
+
+        return origins.Origin("", describe, (before,))
+
+    last = functools.reduce(lambda one, _: step(one), range(1000), origins.Origin("f" * 64))
+    assert len(last.sha256) == 64
+
+
 def test_content_of_every_kind_of_layer() -> None:
-    hashes = {name: lineage._content(layer) for name, layer in LAYERS.items()}
+    hashes = {name: origins.content_hash(layer) for name, layer in LAYERS.items()}
     assert len(set(hashes.values())) == len(LAYERS)
-    assert hashes == {name: lineage._content(layer) for name, layer in LAYERS.items()}
+    assert hashes == {name: origins.content_hash(layer) for name, layer in LAYERS.items()}
     other = Vector(LAYERS["vector"].frame.assign(n=2))
-    assert lineage._content(other) != hashes["vector"]
+    assert origins.content_hash(other) != hashes["vector"]
 
 
 def test_a_shapefile_is_all_its_parts(tmp_path: Path) -> None:
@@ -377,7 +449,7 @@ def test_a_shapefile_is_all_its_parts(tmp_path: Path) -> None:
     (tmp_path / "a.qix").write_text("an index that a GIS has added")
     assert lineage.describe_files([path]) == before
     frame = LAYERS["vector"].frame.assign(n=2)
-    Vector(frame).save(path)
+    Vector(frame).save(path, overwrite=True)
     assert lineage.describe_files([path]) != before
 
 
@@ -447,7 +519,7 @@ def test_damaged_records_are_refused(tmp_path: Path) -> None:
     for attempt in (read, replay):
         with pytest.raises(DataError, match=r"a\.csv: the record is damaged"):
             attempt(tmp_path / "a.csv")
-    Table(pd.DataFrame({"n": [1]})).save(tmp_path / "a.csv")
+    Table(pd.DataFrame({"n": [1]})).save(tmp_path / "a.csv", overwrite=True)
     assert read(tmp_path / "a.csv") is None
     with pytest.raises(DataError, match="carries no record"):
         replay(tmp_path / "a.csv")
@@ -465,7 +537,7 @@ def test_a_forged_record_does_no_harm(folder: Path) -> None:
         ({"output": "cell"}, "does not fit surface.grid"),
         ({"inputs": {"points": [entry["inputs"]["points"][0] | inside]}}, "no file"),
     ]:
-        Raster.open(path).save(path, record=json.dumps(entry | forged))
+        Raster.open(path).save(path, record=json.dumps(entry | forged), overwrite=True)
         with pytest.raises(DataError, match=message):
             replay(path)
     assert not (folder / "harm.tif").exists()
@@ -507,7 +579,7 @@ def test_side_cars_of_others_are_not_replaced(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_several_outputs_in_one_geopackage(folder: Path) -> None:
-    cloud(seed=2).save(folder / "b.laz")
+    cloud(seed=2).save(folder / "b.laz", overwrite=True)
     values = {"points": folder / "a.laz", "reference": folder / "b.laz", "max_distance": 5.0}
     place = folder / "all.gpkg"
     targets = {"table": {"path": place, "layer": "rates"}, "strata": place}
@@ -520,7 +592,7 @@ def test_several_outputs_in_one_geopackage(folder: Path) -> None:
     assert len(Table.open(place, layer="rates")) > 5
     assert replay(place) == []
     rows = Table.open(place, layer="strata")
-    Table(rows.frame.assign(points=0)).save(place, layer="strata", add=True)
+    Table(rows.frame.assign(points=0)).save(place, layer="strata", add=True, overwrite=True)
     assert [text.partition(":")[0] for text in replay(place)] == ["strata, points"]
 
 

@@ -415,7 +415,7 @@ def test_resume_begins_anew_if_another_layer_has_changed(
     values["cell"] = 2
     for number, shift in enumerate((0.0, 1.0)):
         moved = raster.transform @ Affine.translation(shift / 2, 0)
-        replace(raster, transform=moved).save(other)
+        replace(raster, transform=moved).save(other, overwrite=True)
         begun = lambda before=number: len(list(tmp_path.glob(".tiles-*"))) > before  # noqa: E731
         ctx = Context(lambda fraction: None, begun)
         with pytest.raises(Cancelled):

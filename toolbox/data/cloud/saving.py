@@ -16,6 +16,7 @@ from toolbox.data.las.write import write_las
 from toolbox.data.paths import LAS, is_copc, suffix_of
 from toolbox.data.record import with_record, write_beside
 from toolbox.errors import DataError
+from toolbox.files import refuse_to_replace
 
 if TYPE_CHECKING:
     from toolbox.data.pointcloud import PointCloud
@@ -30,6 +31,7 @@ def save(
     columns: Sequence[str] | None,
     version: str | None,
     format: int | None,
+    overwrite: bool,
     record: str,
     ctx: Context,
 ) -> None:
@@ -38,6 +40,7 @@ def save(
     suffix = suffix_of(path)
     if not path.name.lower().endswith(cloud.SUFFIXES):
         raise DataError(f"{path}: points are written as {', '.join(cloud.SUFFIXES)}")
+    refuse_to_replace(cloud.own_files(path), overwrite=overwrite)
     holds_local = suffix == ".ply" and cloud.crs is not None and is_local(cloud.crs)
     holds_local |= suffix == ".parquet"
     if suffix not in LAS and cloud.crs is not None and not holds_local:

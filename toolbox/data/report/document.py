@@ -20,6 +20,7 @@ from toolbox.data.record import own_side_car, write_beside
 from toolbox.data.report.blocks import Head, Section
 from toolbox.data.report.columns import Column
 from toolbox.errors import DataError
+from toolbox.files import refuse_to_replace
 
 PDF, WORKBOOK = ".pdf", ".xlsx"
 LOOKS = frozenset({"style", "logo"})
@@ -142,6 +143,7 @@ class Report(Layer):
         date: str | None = None,
         style: Path | None = None,
         logo: Path | None = None,
+        overwrite: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -155,17 +157,21 @@ class Report(Layer):
         fields : more of that kind by name, such as {"Contract": "2026-17"}
         date : of the report
         style, logo : see :meth:`html`
+        overwrite : whether files at the path may be replaced
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
         Raises
         ------
+        ParameterError
+            A file is there that may not be replaced.
         DataError
             The suffix is another, or a file cannot be read or written.
         """
         path = Path(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: reports are written as {', '.join(self.SUFFIXES)}")
+        refuse_to_replace(self.own_files(path), overwrite=overwrite)
         made = self.titled(title=title, client=client, fields=fields, date=date)
         try:
             if path.suffix.lower() == PDF:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -161,14 +161,13 @@ def _run(
     wanted = {n: v for n, v in values.items() if n in results and v is not None}
     reads = sources.of_run(given, spec)
     writes = delivery.of_run(wanted, spec)
+    whole = spec
     if isinstance(spec, Model):
         given = {**(spec.handed if delivery.is_asked(writes) else {}), **given}
         spec = spec.wanting(target.output for target in writes.values())
     settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
     delivery.tell_missing(writes)
-    for name in spec.idle(settings):
-        if given.get(name) is not None:
-            log.warning("%s: is not used by any step that runs", name)
+    _tell_idle(whole, [n for n in spec.idle(settings) if given.get(n) is not None])
     spec = spec.under(settings)
     crs = _crs(assume_crs, id)
     files = Reading.of(read_files(sources.paths(reads)))
@@ -231,13 +230,20 @@ def _written(
     with delivery.folder_of(writes):
         done = delivery.write(spec, found, writes, ctx=ctx, **how)
     shown = {n: value for n, value in found.items() if n in spec.outputs or n in writes}
-    return Results.of(spec, shown | done)
+    return Results.of(spec, shown | done, sizes_of(found))
 
 
 def _between(spec: Spec, writes: Mapping[str, Target]) -> list[str]:
     """The results of steps that are written, in the order of the steps."""
     written = {target.output for target in writes.values()}
     return [name for name in spec.between if name in written]
+
+
+def _tell_idle(spec: Spec, names: Iterable[str]) -> None:
+    """Warn of settings that no step uses, and say which ones would."""
+    for name in names:
+        titles = ", ".join(map(language.text, spec.users(name)))
+        log.warning("%s: is not used by any step that runs; it is for: %s", name, titles)
 
 
 def _tell_lengths(spec: Spec, given: Mapping[str, Any], layers: Mapping[str, Any]) -> None:

@@ -190,7 +190,9 @@ class Candidates:
         return cloud.with_attributes({"classification": classes})
 
     def _tell_lost(self, old: NDArray[Any], new: NDArray[np.uint8]) -> None:
-        """Say which classes are gone that somebody has given to objects."""
+        """Say that there was ground, and which classes are gone that somebody gave to objects."""
+        if (self.part & (old == GROUND)).any():
+            log.info("class 2 (ground) of the file is replaced by what is found here")
         gone = np.unique(old[old != new])
         if named := [str(number) for number in gone if number not in (0, OTHER, GROUND)]:
             log.info(

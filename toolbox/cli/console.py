@@ -97,6 +97,7 @@ class Console:
         tables = [name for name, value in outputs.items() if hasattr(value, "rows")]
         folded = set(tables[1:]) if self.level != "verbose" else set()
         folder = outputs.get(DELIVER)
+        counted = getattr(outputs, "counted", lambda name: "")  # of the results of a run
         for name, value in outputs.items():
             if folder is not None and type(value).__name__ == "Report":
                 continue  # what it holds is on the page of the set
@@ -105,6 +106,9 @@ class Console:
                 print(text.format(name=name))
                 continue
             said = description["outputs"].get(name, {})
+            if isinstance(value, Path) and (words := counted(name)):
+                print(f"{name}: {value}  ({words})")
+                continue
             self._print_value(name, value, _unit(said), language.text(said.get("description", "")))
 
         if isinstance(folder, Path):

@@ -271,8 +271,9 @@ def _run(said: list[str]) -> int:
             _tell_unsaved(described, values, general, console)
             _tell_compiling(console)
         with _kept(said[0], described, values, general) as outputs:
-            outputs.update(_execute(said[0], values, general, console, pipe))
-        console.result(described, outputs)
+            made = _execute(said[0], values, general, console, pipe)
+            outputs.update(made)
+        console.result(described, made)
     except BrokenPipeError:
         raise
     except Exception as err:  # noqa: BLE001  the outermost edge: every error becomes an exit code

@@ -314,6 +314,10 @@ class Spec:
         """Inputs that nothing uses with these settings; only a model has such."""
         return []
 
+    def users(self, name: str) -> list[str]:
+        """The titles of the tools that use an input; only a model has such."""
+        return []
+
     @property
     def between(self) -> Mapping[str, Field]:
         """The fields of the results of the steps of a model, by step.output; a tool has none."""

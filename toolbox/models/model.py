@@ -174,6 +174,11 @@ class Model(Spec):
         used |= {step.when.name for step in self.steps.values() if step.when}
         return [name for name in self.inputs if f"{INPUTS}.{name}" not in used]
 
+    def users(self, name: str) -> list[str]:
+        """The titles of the tools of the steps that use an input."""
+        using = (step for step in self.steps.values() if f"{INPUTS}.{name}" in step.needs)
+        return list(dict.fromkeys(step.spec.title for step in using))
+
     def halo(self, settings: Mapping[str, Any]) -> float:
         """The largest distance in metres that a result looks into the sources."""
         return max(self.reach(settings).values(), default=0.0)

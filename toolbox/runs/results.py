@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from html import escape
 from textwrap import shorten
+from types import MappingProxyType
 from typing import Any
 
+from toolbox import language
 from toolbox.data.report import unit_text
 from toolbox.declare.fields import Spec
 from toolbox.errors import UnknownResult, nearest
 from toolbox.reports.words import value_text
 
 _LONGEST = 80  # characters of a text that is a result
+_COUNTED = {
+    "PointCloud": lambda: language.text("points: {count}"),
+    "Vector": lambda: language.text("features: {count}"),
+}
+NO_SIZES: Mapping[str, int | None] = MappingProxyType({})
 _SHOWN = 3  # results of a repeated step
 
 
@@ -29,6 +36,7 @@ class Results(dict[str, Any]):
     tool : the id of what was run
     units : of numbers, by name
     help : what each result is, by name
+    counts : of the layers that are written, their points or features in words, by name
 
     Raises
     ------
@@ -50,7 +58,7 @@ class Results(dict[str, Any]):
 mean 'share'?
     """
 
-    __slots__ = ("_help", "_tool", "_units")
+    __slots__ = ("_counts", "_help", "_tool", "_units")
 
     def __init__(
         self,
@@ -59,16 +67,35 @@ mean 'share'?
         tool: str = "",
         units: Mapping[str, str] | None = None,
         help: Mapping[str, str] | None = None,
+        counts: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(values)
+        self._counts = dict(counts or {})
         self._tool, self._units, self._help = tool, dict(units or {}), dict(help or {})
 
     @classmethod
-    def of(cls, spec: Spec, values: Mapping[str, Any]) -> Results:
-        """The results of a tool or model, with the units and the help of its declaration."""
+    def of(
+        cls, spec: Spec, values: Mapping[str, Any], sizes: Mapping[str, int | None] = NO_SIZES
+    ) -> Results:
+        """The results of a tool or model, with the units and the help of its declaration.
+
+        Parameters
+        ----------
+        sizes : of the layers, also of those whose result is the path of a file, by name
+        """
         fields = {name: spec.results[name] for name in values if name in spec.results}
         units = {name: field.unit for name, field in fields.items() if field.unit}
-        return cls(values, tool=spec.id, units=units, help={n: f.help for n, f in fields.items()})
+        counts = {
+            name: _COUNTED[field.kind.word]().format(count=sizes[name])
+            for name, field in fields.items()
+            if field.kind.word in _COUNTED and sizes.get(name) is not None
+        }
+        help = {name: field.help for name, field in fields.items()}
+        return cls(values, tool=spec.id, units=units, help=help, counts=counts)
+
+    def counted(self, name: str) -> str:
+        """The points or features of a layer in words, also if it is in a file; "" if not known."""
+        return self._counts.get(name, "")
 
     def __missing__(self, name: str) -> Any:
         raise UnknownResult(self._unknown(name))

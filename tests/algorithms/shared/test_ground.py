@@ -153,3 +153,16 @@ def test_a_road_above_the_ground_is_kept_but_no_ground(id: str) -> None:
     out = catalog.load(id).make(points=points).run()
     np.testing.assert_array_equal(out.classified["classification"], points["classification"])
     assert out.ground.xyz[:, 2].max() < 1
+
+
+@pytest.mark.parametrize(("classes", "told"), [([2, 1, 1], True), ([0, 1, 1], False)])
+def test_ground_of_the_file_is_replaced_and_that_is_told(
+    classes: list[int], told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    points = cloud(classification=classes)
+    part = np.ones(3, bool)
+    candidates = Candidates(points, part, part, ())
+    with caplog.at_level("INFO", "toolbox"):
+        made = candidates.classified(np.array([False, True, True]))
+    assert made["classification"].tolist() == [1, 2, 2]
+    assert ("class 2 (ground) of the file is replaced" in caplog.text) is told

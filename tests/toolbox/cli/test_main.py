@@ -156,7 +156,7 @@ def test_run_writes_outputs_and_prints_values(
     argv = ["run", "points.filter-intensity".replace("-", "_"), "--points", str(town)]
     assert main([*argv, "--minimum", "100", "--kept", str(out)]) == 0
     path, share, threshold = capsys.readouterr().out.splitlines()
-    assert path == f"kept: {out}"
+    assert path == f"kept: {out}  (points: 400)"
     assert share == "removed_share: 0.2  (share of points removed)"
     assert threshold.startswith("threshold: 100  (")
     assert len(PointCloud.open(out)) == 400

@@ -131,7 +131,8 @@ def test_what_an_earlier_run_said_goes(
     for record in (RECORD, OTHER):
         make().save(path, overwrite=True, record=record, **how)
     assert read_record(path) == OTHER
-    kind.open(path).save(path, overwrite=True, **how)  # a LAS file keeps its records, but for this one
+    again = kind.open(path)  # a LAS file keeps its records, but for this one
+    again.save(path, overwrite=True, **how)
     assert read_record(path) == ""
     assert contents(tmp_path) == plain
 

@@ -192,7 +192,7 @@ def test_a_setting_of_its_steps_alone_is_told_to_be_idle(
     model: str, points: Path, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
     toolbox.run(model, {"points": points, "interval": 2.0})
-    assert "interval: is not used by any step that runs" in caplog.text
+    assert "interval: is not used by any step that runs; it is for: Contours" in caplog.text
     caplog.clear()
     toolbox.run(model, {"points": points, "interval": 2.0, "deliver": tmp_path / "out"})
     assert "interval" not in caplog.text

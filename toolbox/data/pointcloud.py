@@ -461,6 +461,19 @@ class PointCloud(Layer):
         found = (x >= bounds[0]) & (x <= bounds[2]) & (y >= bounds[1]) & (y <= bounds[3])
         return np.asarray(found)
 
+    def boxes(self, size: int) -> NDArray[np.float64]:
+        """(xmin, ymin, xmax, ymax) of the first so many points, the next, and so on: shape (m, 4).
+
+        >>> PointCloud.from_arrays([0, 1, 7], [5, 4, 7], [9, 9, 9]).boxes(2)
+        array([[0., 4., 1., 5.],
+               [7., 7., 7., 7.]])
+        """
+        xy, starts = self._x_and_y(), np.arange(0, len(self), size)
+        if not len(starts):
+            return np.empty((0, 4))
+        ends = (function.reduceat(xy, starts, axis=1) for function in (np.minimum, np.maximum))
+        return np.vstack([*ends]).T
+
     def _x_and_y(self) -> NDArray[np.float64]:
         """The two axes of shape (2, n); those of all points are not kept to choose a few."""
         if self._xyz is None and self._metadata is not None and self._packed is not None:

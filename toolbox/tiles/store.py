@@ -31,6 +31,8 @@ from toolbox.errors import DataError
 
 SIDE = 8  # buckets along the side of a tile
 LAYER = "layer.json"  # all of a stored layer but its arrays
+BOXES = "runs/boxes.npy"  # of each RUN points; apart from the arrays, whose names are anything
+RUN = 1024  # points that follow each other in a file, as a rule near each other
 _TYPES: Mapping[str, type[PointCloud | Raster | Vector]]
 _TYPES = {made.__name__: made for made in (PointCloud, Raster, Vector)}
 
@@ -127,7 +129,7 @@ def split(
             raise DataError(f"{cloud.name} has coordinates that are no finite numbers")
         buckets = grid.buckets(cloud.xyz[:, :2])
         order = np.lexsort((buckets[:, 1], buckets[:, 0]))
-        buckets = buckets[order]
+        buckets = buckets.take(order, axis=0)
         starts = np.flatnonzero(
             np.r_[True, (buckets[1:] != buckets[:-1]).any(axis=1)][: len(order)]
         )
@@ -202,6 +204,9 @@ def save_layer(folder: Path, layer: Layer) -> None:
     arrays, rest = layer.apart()
     save_arrays(folder, arrays)
     save_json(folder / LAYER, {"type": type(layer).__name__} | rest)
+    if isinstance(layer, PointCloud):
+        (folder / BOXES).parent.mkdir()
+        np.save(folder / BOXES, layer.boxes(RUN))
 
 
 def load_layer(folder: Path, *, empty: bool = False) -> Any:
@@ -229,13 +234,25 @@ def joined(folders: Iterable[Path], bounds: Box) -> PointCloud | None:
     for folder in folders:
         box = box_of(folder)
         if (box[0, :2] <= bounds[2:]).all() and (box[1, :2] >= bounds[:2]).all():
-            clouds.append(load_layer(folder).within(bounds))
+            with sound(folder):
+                clouds.append(_near(load_layer(folder), np.load(folder / BOXES), bounds))
     if not any(map(len, clouds)):
         return None
     joint = PointCloud.concat(clouds)
     if any(cloud.origin is None for cloud in clouds):  # points that a step made
         return joint.with_origin(None)
     return in_order(joint.with_origin(_origins(clouds)), np.arange(len(joint)))
+
+
+def _near(cloud: PointCloud, boxes: NDArray[np.float64], bounds: Box) -> PointCloud:
+    """The points within bounds: only those of runs that lie across them are looked at."""
+    low, high = boxes[:, :2], boxes[:, 2:]
+    meets = ((low <= bounds[2:]) & (high >= bounds[:2])).all(axis=1)
+    within = ((low >= bounds[:2]) & (high <= bounds[2:])).all(axis=1)
+    kept = np.repeat(within, RUN)[: len(cloud)]
+    looked_at = np.flatnonzero(np.repeat(meets & ~within, RUN)[: len(cloud)])
+    kept[looked_at] = cloud.select(looked_at).inside(bounds)
+    return cloud if kept.all() else cloud.select(kept)
 
 
 def _row_slices(table: Indices, low: Indices, high: Indices) -> Iterator[slice]:

@@ -29,7 +29,8 @@ ISO = "ISO8601"
 
 def stored(layer: Any, folder: Path) -> Any:
     store.save_layer(folder / "piece", layer)
-    assert {path.suffix for path in (folder / "piece").iterdir()} == {".npy", ".json"}
+    files = [path for path in (folder / "piece").rglob("*") if path.is_file()]
+    assert {path.suffix for path in files} == {".npy", ".json"}
     return store.load_layer(folder / "piece")
 
 
@@ -158,3 +159,21 @@ def test_a_block_that_lacks_points_is_damaged(tmp_path: Path) -> None:
     np.save(tmp_path / block.name / "table.npy", np.array([[0, 0, 1]]))
     with pytest.raises(DataError, match="another number of points"):
         store.split(survey, block, grid, tmp_path)
+
+
+def test_points_around_a_tile_are_those_within_its_bounds(tmp_path: Path) -> None:
+    """Whole runs of points are within, others beyond, and some across, also just on the edge."""
+    y, x = np.divmod(np.arange(100 * store.RUN), 400)
+    cloud = PointCloud.from_arrays(x, y, y + 0.5, weight=x, crs=CRS(32635))
+    pieces = [np.arange(0), np.arange(300), np.arange(300, 90_000), np.arange(90_000, len(x))]
+    for number, rows in enumerate(pieces):
+        store.save_layer(tmp_path / str(number), cloud.select(rows).with_origin(rows))
+    folders = [tmp_path / str(number) for number in range(len(pieces))]
+    for bounds in [(0, 50, 399, 150), (30, 0, 200, 230), (-1, -1, 400, 256), (399, 255, 500, 500)]:
+        found = store.joined(folders, bounds)
+        assert found is not None
+        inside = cloud.inside(bounds)
+        assert np.array_equal(found.origin, np.flatnonzero(inside))
+        assert np.array_equal(found.xyz, cloud.xyz[inside])
+        assert np.array_equal(found["weight"], x[inside])
+    assert store.joined(folders, (400, 0, 500, 500)) is None

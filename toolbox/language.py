@@ -28,16 +28,16 @@ TOLD = "told.po"  # texts with values in them
 _VALUE = re.compile(r"\{\d+\}")
 _NAME = re.compile(r"[a-z_]+")
 _WORD = re.compile(r"[^\W\d_]+")
-_SHARE = re.compile(  # of a list: "water 4.0 %", "40 critical", "tree 94"
-    r"(?P<before>\d+ )?(?P<name>.+?)(?P<share> [\d.]+ %|(?<=[a-z]) \d+)?", re.DOTALL
+_SHARE = re.compile(  # of a list: "water 4.0 %", "40 critical", "tree 94", "road 9 m"
+    r"(?P<before>\d+ )?(?P<name>.+?)(?P<share> [\d.]+ (?:%|m)|(?<=[a-z]) \d+)?", re.DOTALL
 )
 _PARTS = re.compile(r"(?<=[;:.]) +")
 _LONG = 40  # letters of a text by which it is known, whatever its values hold
 _SHORT = 8  # letters that many texts have, so that the first value must be a number
 _ONE = r"(?:'[^']*'|[^;,( ](?:(?![;,]| \().)*)"  # a value before one that adds something to it
 _FILE = r"(?P<file>(?:\w+: )?\S*\w\.\w\S* )?"  # what a text is about, which begins with its verb
-# A decimal number by itself: no part of a name, of a path, of a version or of an address.
-_DECIMAL = re.compile(r"(?<![\w./:-])([-+]?\d+)\.(\d+)(?![\w/]|\.\w|-\d)")
+# A decimal number by itself: no part of a name, of a path, a version, an address or a law.
+_DECIMAL = re.compile(r"(?<![\w./:-])(?<!§ )([-+]?\d+)\.(\d+)(?![\w/]|\.\w|-\d)")
 
 
 def languages() -> list[str]:

@@ -9,6 +9,7 @@ entries, from which a text that comes back takes its translation.
 from __future__ import annotations
 
 import ast
+import csv
 import functools
 import itertools
 import re
@@ -26,6 +27,8 @@ from toolbox.declare.show import Curve
 from toolbox.language import FOLDER
 
 CODE = Path(__file__).parent
+RULES = CODE.parent / "algorithms" / "corridor" / "rules"
+OF_ROW = re.compile(r"(?<=, D_el )[\d.]+(?= m$)|(?<=table 2, )\d+(?= kV)|(?<=case )\d+$")
 SILENT = (
     "qgis/plugin",
     "qgis/published",
@@ -52,13 +55,14 @@ HEADS += ["Easting", "Northing", "East", "North", "Up", "Class", "Intensity"]  #
 LOCAL = "local coordinates in"
 COUNTS = ["{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})"]
 COUNTS += ["{1} % are lower", "{1} water bodies"]
-COUNTS += ["{1} to {2}", "Front {1}", "Plane {1}", "{1} to {2} m"]
+COUNTS += ["{1} to {2}", "Front {1}", "Plane {1}", "Class {1}", "{1} to {2} m"]
 COUNTS += ["place of about {1} m2 at {2},{3}"]
 COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]
 SHORT = ["no rule", "as surveyed", "below a wire", "not given", "near a wire"]
 SHORT += ["the ground", "other objects", "another line"]
 SHORT += ["trees", "buildings", "roads", "rails", "its level", "a spreadsheet", "few returns"]
 SHORT += ["of interest", "all others"]  # the classes of a comparison
+SHORT += ["NO", "3-D"]
 SHORT += ["a number", "unknown parameter", "unknown output", "well spread"]
 SHORT += ["north-west", "north-east", "south-west", "south-east"]
 SHORT += ["No plane", "Not seen", "rounded", *dxf.COLOUR_NAMES.values()]
@@ -68,6 +72,7 @@ SHORT += [name.lower() for name in CLASSES.values()]
 WORDS = "ground tree building water rail road line other tower pole conductor wire door window"
 WORDS += " critical watch falling plane shore island flat gable hip left right"
 WORDS += " recess behind reflectance outline grid none others height span survey"
+WORDS += " any horizontal vertical"
 WORDS += " bottom top unseen unclassified blocks all level dark raster vector table"
 FAULTS = ("AssertionError", "AttributeError", "TypeError")  # of code, told to who writes it
 PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")
@@ -126,8 +131,16 @@ def of_told() -> list[str]:
     """All texts that warnings, errors and reports may say: of some words, with marks for values."""
     told = dict.fromkeys(" ".join(text.split()) for text in pieces())
     elsewhere = {*of_tools(), *of_code()}
-    heads = [*PROBLEMS, *HEADS, *COUNTS, *SHORT, *WORDS.split(), *CLASSES.values()]
+    heads = [*PROBLEMS, *HEADS, *COUNTS, *SHORT, *WORDS.split(), *CLASSES.values(), *_of_rules()]
     return list(dict.fromkeys(text for text in [*told, *heads] if text not in elsewhere))
+
+
+def _of_rules() -> Iterator[str]:
+    """The sources and notes of the rule tables, with marks for what differs from row to row."""
+    for path in sorted(RULES.glob("*.csv")):
+        with path.open(encoding="utf-8") as table:
+            for row in csv.DictReader(table):
+                yield from (OF_ROW.sub("{1}", row[name]) for name in ("source", "note"))
 
 
 @functools.cache

@@ -163,7 +163,7 @@ class CompareAreas:
             "Polygons of the kinds agree, commission and omission, the largest first",
             show=show.Classes("kind", LOOKS),
             columns={
-                "kind": Column("Kind"),
+                "kind": Column("Kind", names={word: name for word, (name, _) in LOOKS.items()}),
                 "area": Column("Area", "unit²", 1),
                 "polygon": Column("Number of the polygon"),
                 "reference": Column("Number of the reference"),
@@ -353,8 +353,8 @@ def _warn(own: Side, other: Side, metre: float, *, counterparts: bool) -> None:
     for name, side in (("areas", own), ("reference", other)):
         if counterparts and len(other.area) and side is other and not side.area.any():
             log.warning(
-                "reference: none of its polygons belongs to one of the polygons, so these are "
-                "compared with nothing: is it of another place, or does it lack them?"
+                "reference: no polygon of the reference belongs to what is compared with it: is it "
+                "of another place, or does it lack these polygons?"
             )
         elif not side.area.any():
             log.warning("%s: there are no polygons to compare", name)

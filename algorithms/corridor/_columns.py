@@ -101,6 +101,20 @@ KINDS = {
     "rule": Column("Rules"),
 }
 
+RULES = {
+    "number": Column("Number"),
+    "rule": OBJECTS["rule"],
+    "kind": OBJECTS["kind"],
+    "direction": Column("Direction"),
+    "distance": Column("Distance", "m", 3),
+    "within": Column("Within", "m", 3),
+    "severity": OBJECTS["severity"],
+    "confirmed": Column("Confirmed"),
+    "source": Column("Source"),
+    "date": Column("Date"),
+    "note": Column("Note"),
+}
+
 CROSSINGS = {
     **LENGTHS,
     "crossing_id": Column("Crossing"),

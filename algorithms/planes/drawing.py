@@ -202,12 +202,14 @@ def _openings(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:
 def schedule(frame: geopandas.GeoDataFrame, step: float, metre: float) -> Table:
     """Table of the openings of an elevation, lengths in millimetres, in steps as in its drawing."""
     found = _openings(frame)
-    places = np.empty((len(found), 4))
+    places, foot = np.empty((len(found), 4)), np.empty(len(found))
     for number, front in frame[frame["kind"] != columns.UNSEEN].groupby("front_id"):
         here = (found["front_id"] == number).to_numpy()
-        places[here] = rounded(found.geometry.bounds[here], front.total_bounds[:2], step)
+        bounds, lowest = found.geometry.bounds[here], front.total_bounds[:2]
+        places[here] = rounded(bounds, lowest, step)
+        foot[here] = bounds["miny"] - lowest[1] - found["sill"][here]
     left, bottom, right, top = (places / metre * MILLIMETRES).round().astype("int64").T
-    sill = rounded(found[["sill", "sill"]].to_numpy(float), np.zeros(2), step)[:, 0]
+    sill = places[:, 1] - np.round(foot / step) * step  # so that it and the foot are the level
     rows = pd.DataFrame(
         {
             "front_id": found["front_id"].astype("int64"),

@@ -127,6 +127,12 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
         ("5 % are lower", "% 5 daha düşük"),
         ("40 critical, 124 warning, 0 watch", "40 kritik, 124 uyarı, 0 izle"),
         ("tree 94, unclassified 3", "ağaç 94, sınıflandırılmamış 3"),
+        ("tree 2.5 m, building 4 m", "ağaç 2.5 m, bina 4 m"),
+        ("Class 26", "Sınıf 26"),
+        (
+            "NERC FAC-003-4, table 2, 345 kV, sea level",
+            "NERC FAC-003-4, tablo 2, 345 kV, deniz düzeyi",
+        ),
         ("Plot 2", "Plot 2"),  # as people have called it
         (
             "well spread: at least 20% of them belong in each quarter; fewest in the north-west",
@@ -235,8 +241,8 @@ def test_texts_with_values_are_found_and_numbers_have_commas(
     assert language.told(longer) == (
         "Bina bulunamadı. Noktaların % 40 kadarı hiçbir düzlemde değil."
     )
-    assert language.decimals("0.5 m, v1.2.3, a_1.tif, 2026-11-24") == (
-        "0,5 m, v1.2.3, a_1.tif, 2026-11-24"
+    assert language.decimals("0.5 m, v1.2.3, a_1.tif, 2026-11-24, 29 CFR § 1926.1408") == (
+        "0,5 m, v1.2.3, a_1.tif, 2026-11-24, 29 CFR § 1926.1408"
     )
     monkeypatch.setenv("TOOLBOX_LANG", "en")
     assert language.told(text) == text

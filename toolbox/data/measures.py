@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 VALUE, UNIT = "value", "unit"
 _DIGITS = {"m": 3, "ft": 3, "m2": 2, "ft2": 2, "m3": 1, "ft3": 1, "%": 2, "deg": 4, "points": 0}
 _DIGITS |= {"ft²": 2, "ft³": 1, "US ft": 3, "US ft²": 2, "US ft³": 1}
+ROUNDED = "m2", "m3"  # units of results that are rounded where they are large
+TENTHS = 100  # from there on
 TELLING = 4  # digits of numbers in other units, and of ratios
 _OF_INTERVAL = 2  # digits of the width of an interval, so that its limits differ
 _MOST = 8  # digits after the point: a double has no more of a coordinate
@@ -64,12 +66,19 @@ def digits_of(values: list[float], unit: object) -> int:
     (3, 0, 4)
     >>> digits_of([0.00042, 0.00040, 0.00044], "m")
     6
+
+    A large area or volume that was rounded has none:
+
+    >>> digits_of([5043.0], "m2"), digits_of([5042.73], "m2"), digits_of([0.0], "m2")
+    (0, 2, 2)
     """
     if not values:
         return 0
     usual = _DIGITS.get(str(unit))
+    whole = all(value == round(value) for value in values)
+    if whole and unit in ROUNDED and max(map(abs, values)) >= TENTHS:
+        usual = 0
     if usual is None:
-        whole = all(value == round(value) for value in values)
         usual = 0 if whole else telling(max(map(abs, values)), TELLING)
     width = max(values) - min(values)
     needed = telling(width, _OF_INTERVAL) if width else 0

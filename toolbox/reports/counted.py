@@ -156,7 +156,7 @@ def classes(spec: Spec, after: Mapping[str, Counter[int]], before: Counter[int])
             "Class": code,
             "Name": class_name(code),
             **({"Before": before[code] if name in whole else None} if whole else {}),
-            **({"After": counts[code]} if whole else {"Number": counts[code]}),
+            **({"After": counts[code]} if whole else {"Count": counts[code]}),
             "Share": counts[code] / counts.total(),
         }
         for name, counts in after.items()

@@ -31,7 +31,7 @@ from toolbox.data import Table
 
 # How near cranes and the like may come to a line: highest voltage, kV, and distance, feet.
 APPROACH = ((50, 10), (200, 15), (350, 20), (500, 25), (750, 35), (1000, 45))
-APPROACH_SOURCE = "29 CFR 1926.1408, table A, which cranes must keep in the USA"
+APPROACH_SOURCE = "29 CFR § 1926.1408, table A, which cranes must keep in the USA"
 UNKNOWN_APPROACH = 5.0  # metres
 UNKNOWN_SOURCE = "DIN VDE 0105-100 for an unknown voltage, by DGUV Regel 114-014"
 LARGEST_SOURCE = "the largest distance that other objects must keep"

@@ -95,7 +95,7 @@ SPAN_CAPTION = (
 KIND_CAPTION = (
     "Least distances in space to what is near the wires in plan; numbers of objects that are too "
     "close, that reach a wire if they fall towards it and are not too close else, and that are "
-    "near and have no rule; points by their distance from the wires. line: conductors of another "
+    "near and have no rule; points by their distance from the wires. Line: conductors of another "
     "line"
 )
 NO_PART_CAPTION = "No distance is measured to these"
@@ -150,8 +150,8 @@ def report_of(
         Section("Spans", _span_list(spans)),
         Section("Points near the wires", _zone_list(spans)),
         Section("Temperature of the wires", [_rest_text(line, rest, conductor)]),
-        Section("Profiles", _profiles(across, line, rules, objects, ctx.part(0.3, 1.0))),
-        Section("Rules", [Rows(_rule_table(rules), "Distances in metres")]),
+        Section("Profiles", _profiles(across, line, rules, objects, axes, ctx.part(0.3, 1.0))),
+        Section("Rules", [Rows(_rule_table(rules), columns=columns.RULES)]),
         Section("States of the wires", [_wires_text(line, conductor)]),
         Section("Points that take no part", _left_out(surroundings)),
     ]
@@ -428,7 +428,7 @@ def _told(state: State) -> str:
 def _left_out(surroundings: Surroundings) -> list[Rows]:
     """Which points were measured from no wire, and why."""
     rows = [
-        {"Which points": why, "Number": count}
+        {"Which points": why, "Points": count}
         for why, count in surroundings.left_out.items()
         if count
     ]
@@ -577,6 +577,7 @@ def _profiles(
     line: LineStates,
     rules: Sequence[Rule],
     objects: Sequence[Object],
+    axes: _Axes,
     ctx: Context,
 ) -> list[Figure | str]:
     """Profile of each span, the most urgent first."""
@@ -585,14 +586,19 @@ def _profiles(
     shown: list[Figure | str] = []
     for k, span in enumerate(order[:MOST_PROFILES]):
         ctx.progress(k / len(order))
-        shown.append(_profile(across, line, rules, objects, span))
+        shown.append(_profile(across, line, rules, objects, axes, span))
     if len(order) > MOST_PROFILES:
         shown.append(f"Profiles of the {len(order) - MOST_PROFILES} other spans are not shown.")
     return shown
 
 
 def _profile(
-    across: _Across, line: LineStates, rules: Sequence[Rule], objects: Sequence[Object], span: int
+    across: _Across,
+    line: LineStates,
+    rules: Sequence[Rule],
+    objects: Sequence[Object],
+    axes: _Axes,
+    span: int,
 ) -> Figure:
     """Profile of a span: wires in each state, points around them, objects."""
     own = np.flatnonzero(line.span == span)
@@ -610,7 +616,8 @@ def _profile(
     heights = np.concatenate([z, *(places[:, 2] for _, places in wires)])
     low, high = heights.min() - 1.0, heights.max() + 1.0
     first, last = np.array([-5.0, low]), np.array([axis.length + 5.0, high])
-    drawing = Drawing(first, last, PROFILE_SIZE, ("m along the span", "height, m"))
+    labels = f"along the span [{axes.unit}]", f"height [{axes.unit}]"
+    drawing = Drawing(first, last, PROFILE_SIZE, labels, metre=axes.metre)
     _draw_points(drawing, np.array([along, z]), kinds, 1.0)
     _draw_below(drawing, axis, xyz[near], kinds, [line.curves[0][k] for k in own])
     for number, places in wires:

@@ -550,7 +550,7 @@ def test_a_reference_that_lacks_all_polygons_compares_with_nothing(
     assert measures(out)["commission"] == 100
     assert measures(out)["reference_area"] == 0
     assert (len(out.polygons), out.completeness) == (3, None)
-    assert "none of its polygons belongs to one of the polygons" in caplog.text
+    assert "no polygon of the reference belongs to what is compared with it" in caplog.text
 
 
 def test_on_the_map_of_the_report_what_is_alone_has_the_colour_of_its_layer() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -729,6 +730,20 @@ def test_feet_and_metres_agree() -> None:
     assert result["objects"].frame.height[0] == pytest.approx(12.0)
     same = run(metres, distance=5.0)["objects"].frame
     assert result["objects"].frame.sd[0] == pytest.approx(same.sd[0], rel=1e-6)
+    profiles = [profile_of(found) for found in (result, run(metres, distance=5.0))]
+    assert [unit for unit in ("US ft", "m") for svg in profiles if f"height [{unit}]" in svg] == [
+        "US ft",
+        "m",
+    ]
+    longest = [max(map(float, re.findall(r">(\d+)</text>", svg))) for svg in profiles]
+    assert longest[0] > 2.5 * longest[1], "the ticks are feet, too"
+
+
+def profile_of(found: Any) -> str:
+    """The first profile of a report."""
+    (section,) = (part for part in found["report"].sections if part.title == "Profiles")
+    content: bytes = section.blocks[0].content
+    return content.decode()
 
 
 def test_no_wires_is_an_empty_answer() -> None:
@@ -996,7 +1011,7 @@ def test_what_is_beside_a_wire_has_no_rule_where_all_rules_are_vertical() -> Non
             "cz-mv-ground; nothing is asked for what is beside the wire; listed within 3.05 m"
         )
         if told == ["no rule"]:
-            assert "(29 CFR 1926.1408, table A, which" in found["report"].summary
+            assert "(29 CFR § 1926.1408, table A, which" in found["report"].summary
     upright, level = (
         rule(kind=kind, direction=direction, threshold=far)
         for kind, direction, far in (("road", "vertical", 2.5), ("building", "horizontal", 4.0))

@@ -330,6 +330,17 @@ def test_the_schedule_is_in_millimetres_whatever_the_unit() -> None:
         ]
 
 
+def test_sills_are_levels_less_the_foot_of_the_front() -> None:
+    """Rounded by themselves, a sill of 1.004 m at the level of 1.006 m would be 10 mm lower."""
+    frame = elevation().frame.copy()
+    window = frame["opening_id"] == frame.loc[frame["kind"] == "window", "opening_id"].iloc[0]
+    window &= frame["kind"] == "window"
+    frame.loc[window, "geometry"] = frame.loc[window].translate(0, 0.006)
+    frame.loc[window, "sill"] = 1.004
+    rows = PlanesDrawing(elevation=Vector(frame), rounding=0.01).run().schedule.rows()
+    assert [(row["level_mm"], row["sill_mm"]) for row in rows][1] == (1010, 1010)
+
+
 def test_the_schedule_has_the_depth_in_millimetres_where_it_is_known(tmp_path: Path) -> None:
     for metre, crs in ((1.0, "local"), (1000.0, "local:mm")):
         made = elevation(crs, metre)

@@ -70,6 +70,9 @@ def test_each_cell_of_the_workbook_has_the_digits_of_its_unit(tmp_path: Path) ->
         ([1e-12], "1/m2", 8),
         ([12.3456], "deg", 4),
         ([2.0], "points", 0),
+        ([5043.0], "m2", 0),  # rounded, as results are in their sentences
+        ([5042.73], "m2", 2),
+        ([12.0], "m2", 2),
     ],
 )
 def test_digits_follow_the_unit_and_the_interval(

@@ -104,7 +104,7 @@ def test_of_a_part_of_the_points_no_numbers_of_before_are_told() -> None:
     report = page(spec, {"classified": part}, None, Told(given={"points": before}))
     (rows,) = next(one.blocks for one in report.sections if one.title == "Points by class")
     assert isinstance(rows, Rows)
-    assert list(rows.shown) == ["Class", "Name", "Number", "Share"]
+    assert list(rows.shown) == ["Class", "Name", "Count", "Share"]
     assert rows.cells == [["6", "Building", "1", "100.0"]]
 
 

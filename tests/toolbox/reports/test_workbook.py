@@ -44,6 +44,17 @@ def test_a_sheet_has_all_rows_with_headings_in_words(tmp_path: Path) -> None:
     assert book["Spans"]["B2"].number_format == "0.0"
 
 
+def test_cells_speak_the_language_of_the_user_and_names_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TOOLBOX_LANG", "tr")
+    cells = [{"kind": "plant", "what": "Secondary text", "at": "Mast 2"}]
+    kinds = {"kind": Column("Kind", names={"plant": "tree"})}
+    made = Report("Line 12", [Section("Layers", [Rows(Table.from_rows(cells), columns=kinds)])])
+    row = list(opened(made, tmp_path)["Katmanlar"].iter_rows(values_only=True))[1]
+    assert row == ("ağaç", "İkincil metin", "Mast 2")
+
+
 def test_the_first_sheet_says_what_must_be_known(tmp_path: Path) -> None:
     rows = list(opened(report("Spans"), tmp_path)["Summary"].iter_rows(values_only=True))
     assert rows[0][0] == "Line 12"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,11 +35,14 @@ class Column:
     factor : that makes numbers in this unit of those in the table
     meaning : what files say of a column whose heading says too little, or that has none
     detail : whether a wide table does without it on paper
+    names : what is shown in place of words that files hold
 
     Examples
     --------
     >>> Column("Length of the span", "m", 1).text(284.6253)
     '284.6'
+    >>> Column("Kind", names={"omission": "only in the reference"}).text("omission")
+    'only in the reference'
     """
 
     heading: str
@@ -48,6 +51,7 @@ class Column:
     factor: float = 1.0
     meaning: str = ""
     detail: bool = False
+    names: Mapping[str, str] = field(default_factory=dict)
 
     def text(self, value: Any, digits: int | None = None) -> str:
         """A value of the column as it is shown, with its own digits unless others are given.
@@ -58,7 +62,7 @@ class Column:
         if isinstance(value, bool | np.bool_):
             return _YES[bool(value)]
         if not isinstance(value, float | np.floating) or digits is None:
-            return cell_text(value)
+            return cell_text(self.names.get(value, value))
         if not math.isfinite(value):
             return ""
         if value == 0 and digits > _MOST_DIGITS:

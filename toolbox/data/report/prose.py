@@ -30,6 +30,16 @@ def sentence(text: str) -> str:
     return raised(text)
 
 
+def cell(text: str) -> str:
+    """The text of a cell: a number, a sentence, a word of a few that are known, or a name.
+
+    >>> with language.speaking("tr"):
+    ...     cell("tree"), cell("0.25"), cell("Kestel 2")
+    ('ağaç', '0,25', 'Kestel 2')
+    """
+    return language.decimals(language.told(text) if " " in text else language.text(text))
+
+
 def raised(text: str) -> str:
     """Areas and volumes with raised figures.
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from toolbox import language
 from toolbox.data.record import checked
 from toolbox.data.report.blocks import Figure, Plot, Rows, in_order_of_paper
-from toolbox.data.report.prose import raised, sentence
+from toolbox.data.report.prose import cell, raised, sentence
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def render(
     environment.filters |= {"prose": _prose, "json": _json, "anchor": anchor}
     environment.filters["sentence"] = sentence
     said = {"said": language.text, "told": language.told, "decimals": language.decimals}
-    environment.filters |= {**said, "cell": _cell, "drawn": _drawn}
+    environment.filters |= {**said, "cell": cell, "drawn": _drawn}
     kinds = {"is_rows": _is(Rows), "is_figure": _is(Figure), "is_plot": _is(Plot)}
     plots = [block for part in report.sections for block in part.blocks if isinstance(block, Plot)]
     interactive = bool(plots) and not on_paper
@@ -146,12 +146,6 @@ def _drawn(data: Any, of: str = "") -> Any:
     if isinstance(data, list) and (of == _AXES or isinstance(next(iter(data), 0), dict)):
         return [_drawn(part, of) for part in data]
     return language.label(data) if of in (*_NAMES, _AXES) else data
-
-
-def _cell(text: str) -> str:
-    """The text of a cell: a number, a sentence, a word of a few that are known, or a name."""
-    said = language.told(text) if " " in text else language.text(text)
-    return language.decimals(said)
 
 
 def _prose(text: str) -> Markup:

@@ -17,6 +17,7 @@ import pandas as pd
 from toolbox import language
 from toolbox.data.report.blocks import Rows
 from toolbox.data.report.columns import Column
+from toolbox.data.report.prose import cell as said
 from toolbox.data.report.prose import sentence
 from toolbox.errors import DataError
 
@@ -159,7 +160,7 @@ def _value(value: Any, column: Column) -> Any:
         value = value.item()
     if isinstance(value, float):
         return value * column.factor if np.isfinite(value) else None
-    return value if isinstance(value, int) else _plain(str(value))
+    return value if isinstance(value, int) else _plain(said(str(column.names.get(value, value))))
 
 
 def _plain(text: str) -> str:

@@ -73,6 +73,7 @@ SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
 FEWEST_SECTORS = 6
 RIM = 3.0  # m from a shore, to where a bank reaches but no parapet
 WALL = 1.0  # m that a wall is high
+GROWN = 10  # times its cells: nine tenths of a body that grew so were not looked at
 START = 4  # starting cells may be this many times fewer than those of a body
 WIDE = 0.2  # of its cells are not at the edge of a hole that nothing else speaks for
 WITHOUT_WAVES = 0.12  # of the root of the cells of a body, over which heights are averaged
@@ -289,14 +290,9 @@ Pool = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted p
 
 def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]:
     """All water bodies, the largest first."""
-    classed = 2 * cells.water > np.maximum(cells.count, 1)
     holes = list(_holes(cells, pour.first))
-    # Large holes first: a few cells at the lower end of a river would fill it to their level.
-    places = sorted(_pools(cells, holes, pour.first), key=_by_size)
-    level = [*_level_places(cells, cells.calm(), pour.first)]
-    level += _level_places(cells, classed, pour.first)
-    places += sorted(level, key=_by_size)
     found: list[Body] = []
+    places = _places(cells, holes, pour.first)
     for done, place in enumerate(places):
         ctx.progress(0.9 * done / len(places))
         found += pour.on(*place)
@@ -315,6 +311,18 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
     found += pour.doubted()
     ctx.progress(1.0)
     return sorted(joined(cells, found), key=lambda body: (-len(body.cells), body.cells[0]))
+
+
+def _places(cells: CellGrid, holes: Sequence[Hole], least: int) -> list[Pool]:
+    """Holes, then level places that are calm or of a class of water, the largest of each first.
+
+    Holes come first: a few cells at the lower end of a river would fill it to their level.
+    """
+    classed = 2 * cells.water > np.maximum(cells.count, 1)
+    level = [
+        place for where in (cells.calm(), classed) for place in _level_places(cells, where, least)
+    ]
+    return sorted(_pools(cells, holes, least), key=_by_size) + sorted(level, key=_by_size)
 
 
 def _by_size(place: Pool) -> tuple[int, int]:
@@ -438,8 +446,8 @@ class Pour:
         """
         found: list[Body] = []
         while True:
-            waiting = sorted(self.later, key=lambda one: _by_size(one.place))
-            self.later, before = [], len(found)
+            waiting, before = self._waiting(), len(found)
+            self.later = []
             for one in waiting:
                 if len(self._shore(one.body)) < one.shore:
                     found += self.on(*one.place, rough=one.rough)
@@ -450,12 +458,12 @@ class Pour:
 
     def doubted(self) -> list[Body]:
         """Bodies that are known by their level alone, beside all others."""
-        places = [
-            one.place
-            for one in sorted(self.later, key=lambda one: _by_size(one.place))
-            if one.doubtful
-        ]
+        places = [one.place for one in self._waiting() if one.doubtful]
         return [body for place in places for body in self.on(*place, last=True)]
+
+    def _waiting(self) -> list[_Later]:
+        """The places to be looked at again, the largest first."""
+        return sorted(self.later, key=lambda one: _by_size(one.place))
 
     def _above_water(self, body: Ints, level: float) -> int:
         """Number of cells of lower water beside a body."""
@@ -499,9 +507,19 @@ class Pour:
             self.ran_off.append(body)
             return []
         cells = self._enclosed(cells, top + max(CREST * sigma, step), tilt)
+        if len(cells) > GROWN * len(body.cells) and self._is_other(cells, body):
+            cells = body.cells[self.state.ravel()[body.cells] != TAKEN]
         self._take(cells, height, tilt)
         waves = max(sigma, step) + top - height
         return [replace(body, cells=cells, level=level.height, tilt=tilt, waves=waves)]
+
+    def _is_other(self, grown: Ints, body: Body) -> bool:
+        """Whether most of what a body grew to is not what it was found by: few returns, or dark."""
+        if not (body.few or body.dark >= DARK):
+            return False
+        shore = self._shore(grown)
+        lost, dark = _lost(self.cells, grown, shore), _darkness(self.cells, grown, shore)
+        return lost > SPARSE and dark < DARK
 
     def _enclosed(self, body: Ints, height: float, tilt: Tilt) -> Ints:
         """A body with the cells up to a height that nothing but the body is beside."""
@@ -580,7 +598,7 @@ def _below(cells: CellGrid, least: int) -> Floats:
     return below
 
 
-def _fit(cells: CellGrid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
+def fit(cells: CellGrid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
     """Level and tilt of the least-squares plane through heights at cells."""
     r, c = some // cells.lattice.cols, some % cells.lattice.cols
     row, col = float(r.mean()), float(c.mean())
@@ -641,7 +659,7 @@ def _tilt_of(cells: CellGrid, edge: Ints) -> Tilt:
         if len(lows) < FEWEST_SECTORS:
             return LEVEL
         heights = cells.low.ravel()[lows]
-        level, tilt = _fit(cells, lows, heights)
+        level, tilt = fit(cells, lows, heights)
         trend = tilt.at(lows // cells.lattice.cols, lows % cells.lattice.cols)
         off = abs(heights - level - trend)
         explained = trend.var() / max(heights.var(), 1e-12)
@@ -661,7 +679,7 @@ def _slopes(cells: CellGrid, where: Mask, spread: float, least: int) -> Iterator
     on_land = cells.density * cells.lattice.cell**2
     for place in _patches(where, least):
         heights = cells.middle.ravel()[place]
-        level, tilt = _fit(cells, place, heights)
+        level, tilt = fit(cells, place, heights)
         trend = tilt.at(place // cells.lattice.cols, place % cells.lattice.cols)
         low, high = np.percentile(heights - trend, (10, 90))
         if high - low <= spread * cells.metre and np.ptp(trend) > CALM * cells.metre:
@@ -831,7 +849,24 @@ def _lost(cells: CellGrid, body: Ints, ring: Ints) -> float:
     body, ring = body[whole[body]], ring[whole[ring]]
     if not (len(body) and len(ring)):
         return 1.0
-    return float(cells.count.ravel()[body].mean() / np.median(cells.count.ravel()[ring]))
+    return float(cells.count.ravel()[body].mean() / median_of_counts(cells.count.ravel()[ring]))
+
+
+def median_of_counts(counts: NDArray[np.integer[Any]]) -> float:
+    """Median of whole numbers as if each were spread evenly over the half numbers around it.
+
+    Their plain median jumps by a whole number, from 3 to 4, where few of them change.
+
+    Examples
+    --------
+    >>> median_of_counts(np.array([3, 3, 3, 4, 4]))
+    3.3333333333333335
+    >>> median_of_counts(np.array([3, 3, 4, 4, 4]))
+    3.6666666666666665
+    """
+    middle = np.median(counts)
+    below, at = (counts < middle).sum(), max((counts == middle).sum(), 1)
+    return float(middle - 0.5 + (len(counts) / 2 - below) / at)
 
 
 def _raised(cells: CellGrid, body: Ints, level: float) -> bool:
@@ -921,11 +956,9 @@ def _flat(cells: CellGrid, some: Ints, heights: Floats, waves: float) -> bool:
 
 def _two_levels(cells: CellGrid, some: Ints, heights: Floats, waves: float) -> bool:
     """Whether heights at cells are of two flat parts side by side, as of flights on two days."""
-    upper = _upper(cells, some, heights)
+    upper = above_and_below(cells, some, heights)
     for part in (upper, ~upper):
-        labels, _ = ndimage.label(window(cells.lattice, some[part], 0)[1])
-        of_one = np.bincount(labels.ravel())[1:].max(initial=0)
-        if part.sum() < KNOWN or of_one < COMPACT * part.sum():
+        if part.sum() < KNOWN or not in_one_piece(cells, some[part]):
             return False
         if not _flat(cells, some[part], heights[part], waves):
             return False
@@ -933,17 +966,29 @@ def _two_levels(cells: CellGrid, some: Ints, heights: Floats, waves: float) -> b
     return apart <= DROP * cells.metre
 
 
-def _upper(cells: CellGrid, some: Ints, heights: Floats) -> Mask:
+def in_one_piece(cells: CellGrid, some: Ints) -> bool:
+    """Whether most of some cells are connected."""
+    labels, _ = ndimage.label(window(cells.lattice, some, 0)[1])
+    return bool(np.bincount(labels.ravel())[1:].max(initial=0) >= COMPACT * len(some))
+
+
+def above_and_below(cells: CellGrid, some: Ints, heights: Floats) -> Mask:
     """Which cells are on the upper one of two levels, by heights without waves."""
+    smooth = smoothed(cells, some, heights)
+    return np.asarray(smooth >= otsu_threshold(smooth))
+
+
+def smoothed(cells: CellGrid, some: Ints, heights: Floats) -> Floats:
+    """Heights at cells without waves, which are averaged over a share of the place."""
     (top, left), inside = window(cells.lattice, some, 0)
     spot = some // cells.lattice.cols - top, some % cells.lattice.cols - left
-    held = np.zeros(inside.shape)
-    held[spot] = heights - heights.mean()
+    held, mean = np.zeros(inside.shape), float(heights.mean())
+    held[spot] = heights - mean
     reach = WITHOUT_WAVES * math.sqrt(len(some))
     smooth = ndimage.gaussian_filter(held, reach) / np.maximum(
         ndimage.gaussian_filter(inside.astype(float), reach), 1e-9
     )
-    return np.asarray(smooth[spot] >= otsu_threshold(smooth[spot]))
+    return np.asarray(smooth[spot] + mean)
 
 
 def touching(cells: CellGrid, bodies: Sequence[Body]) -> list[list[int]]:

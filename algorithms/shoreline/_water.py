@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from algorithms.shoreline._bodies import (
     CONTACT,
     LARGE,
     LEVEL,
+    RIVER,
     VERY_DARK,
     WALL,
     WEIR,
@@ -43,6 +44,7 @@ from algorithms.shoreline._level import (
     level_of,
     two_levels_fit,
 )
+from algorithms.shoreline._reaches import reaches
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
 from toolbox.declare import Position
@@ -108,6 +110,7 @@ def find_water(
         if k + 1 >= ROUNDS and len(bodies) == len(found):
             break
     found = [part for water in found for part in _parted(points, cells, pour.least, water)]
+    found = [reach for water in found for reach in _reaches(points, cells, pour.least, water)]
     ctx.progress(1.0)
     found = [water for water in found if not _is_road(cells, water)]
     if not level_alone:
@@ -116,6 +119,7 @@ def find_water(
         _tell_nothing(cells, pour)
     _tell_sparse(cells, least_area)
     _tell_above(cells, pour, found)
+    _tell_steps(cells, found)
     return cells, sorted(found, key=_by_size)
 
 
@@ -131,6 +135,18 @@ def _parted(points: Returns, cells: CellGrid, least: int, water: Water) -> list[
     pairs = [(a, b) for k, a in enumerate(levels) for b in levels[:k]]
     differ = any(not _alike(a, b, cells.metre) for a, b in pairs)
     return found if differ else [water]
+
+
+def _reaches(points: Returns, cells: CellGrid, least: int, water: Water) -> list[Water]:
+    """A river of pools and rapids as waters of their own, each level or a plane; or the water."""
+    level = water.level
+    if level.basis == "shore" or level.parts or level.strips > DAYS * cells.metre:
+        return [water]
+    parts = reaches(cells, water.body, RIVER * least, FALL * cells.metre)
+    if len(parts) < 2:
+        return [water]
+    found = with_levels(points, cells, parts)
+    return [reach for part in found for reach in _reaches(points, cells, least, part)]
 
 
 def _is_road(cells: CellGrid, water: Water) -> bool:
@@ -258,6 +274,48 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
             beside,
             told[0].evidence,
         )
+
+
+def _tell_steps(cells: CellGrid, found: Sequence[Water]) -> None:
+    """Log where waters meet at different levels: a terrain in which they are laid has a step."""
+    steps = sorted(_steps(cells, found), key=lambda one: -one.height)
+    if steps:
+        log.warning(
+            "points: %d pairs of waters meet at different levels, or have less than %.1f m of land "
+            "between them: rapids, a weir, a lock, a dam or a dike. Where they are laid into a "
+            "terrain, it has steps. The largest, of %s, is at %.1f,%.1f: from the %s down to the "
+            "%s",
+            len(steps),
+            BESIDE * cells.lattice.cell / cells.metre,
+            in_unit(cells, steps[0].height, 2),
+            *steps[0].place,
+            name_of(cells, steps[0].upper),
+            name_of(cells, steps[0].lower),
+        )
+
+
+class _Step(NamedTuple):
+    """By how much an upper water is above a lower one where they meet, and where that is."""
+
+    height: float
+    place: tuple[float, float]
+    upper: Water
+    lower: Water
+
+
+def _steps(cells: CellGrid, found: Sequence[Water]) -> Iterator[_Step]:
+    """Pairs of waters that meet, where their surfaces differ by what is told of flights."""
+    of = np.full(cells.low.size, -1)
+    for k, water in enumerate(found):
+        of[water.body.cells] = k
+    for k, water in enumerate(found):
+        beside = around(cells.lattice, water.body.cells, BESIDE)
+        for other in np.unique(of[beside[of[beside] > k]]):
+            x, y = _centre(cells, beside[of[beside] == other])
+            one, two = (float(w.level.at(np.array([[x, y]]))[0]) for w in (water, found[other]))
+            if abs(one - two) >= DAYS * cells.metre:
+                upper, lower = (water, found[other]) if one > two else (found[other], water)
+                yield _Step(abs(one - two), (x, y), upper, lower)
 
 
 def _meets(cells: CellGrid, place: Body, water: Water) -> bool:

@@ -114,7 +114,7 @@ def survey(kind: str, seed: int, **fixed: Any) -> Survey:
 
     Parameters
     ----------
-    kind : one of KINDS
+    kind : one of KINDS or OF_SEVERAL
     seed : the same seed gives the same scene
     fixed : density, noise, returned, contrast, strips, mixed, named, swell: see :class:`Land`
     """
@@ -131,7 +131,7 @@ def survey(kind: str, seed: int, **fixed: Any) -> Survey:
     if kind == "rice_wet" and "density" not in fixed:  # bunds of 4 m are not to be seen by fewer
         land.density = max(land.density, 2.0)
         land.side = float(np.clip(np.sqrt(MOST_POINTS / land.density), *SIDES))
-    KINDS[kind](land)
+    (KINDS | OF_SEVERAL)[kind](land)
     for name, value in fixed.items():
         setattr(land, name, value)
     return Survey(kind, _pulses(land, kind), land.waters, land)
@@ -415,13 +415,34 @@ def open_edge(land: Land) -> None:
 def river(land: Land) -> None:
     """A river that falls by 0.5 to 3 in 1000."""
     fall = float(land.rng.choice((0.0005, 0.001, 0.002, 0.003)))
+    land.waters.append(Water(_bed(land), 97.0, 0.4, fall))
+
+
+def _bed(land: Land) -> Any:
+    """The outline of a river from west to east."""
     x = np.linspace(-10, land.side + 10, 60)
     bend = 0.5 * land.side + 0.1 * land.side * np.sin(
         2 * np.pi * x / land.side + land.rng.uniform(0, 6)
     )
     width = float(land.rng.uniform(0.08, 0.15)) * land.side
-    shape = shapely.LineString(np.column_stack([x, bend])).buffer(width / 2 + 3)
-    land.waters.append(Water(shape, 97.0, 0.4, fall))
+    return shapely.LineString(np.column_stack([x, bend])).buffer(width / 2 + 3)
+
+
+def rapids(land: Land) -> None:
+    """A river of two or three pools, with rapids of 0.25 to 0.9 m between them."""
+    pools, step = int(land.rng.integers(2, 4)), float(land.rng.uniform(0.25, 0.9))
+    side, bed, level, half = land.side, _bed(land), 97.0, 0.04 * land.side
+
+    def reach(west: float, east: float, at: float, fall: float = 0.0) -> None:
+        part = bed.intersection(shapely.box(west, -side, east, 2 * side))
+        land.waters.append(Water(part, at + fall * west, 0.4, fall))
+
+    for k in range(pools):
+        west = k * side / pools + half if k else -20.0
+        east = (k + 1) * side / pools - half if k < pools - 1 else side + 20
+        reach(west, east, level - k * step)
+        if k < pools - 1:
+            reach(east, east + 2 * half, level - k * step, step / (2 * half))
 
 
 def fish_ponds(land: Land) -> None:
@@ -656,3 +677,4 @@ WET = (
 )
 DRY = (carpark, crowned, road, sports, cutting, rice_dry, hall, flat, bare_edge, hills)
 KINDS: dict[str, Callable[[Land], None]] = {make.__name__: make for make in (*WET, *DRY)}
+OF_SEVERAL = {"rapids": rapids}  # waters that touch

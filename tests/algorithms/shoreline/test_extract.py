@@ -19,17 +19,19 @@ from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
 
 from algorithms.samples.scene import scene
 from algorithms.shoreline import extract as tool
-from algorithms.shoreline._bodies import _along_a_line
+from algorithms.shoreline._bodies import Body, Pour, Tilt, _along_a_line, grid, median_of_counts
 from algorithms.shoreline._dikes import _crest
 from algorithms.shoreline._kernels import TAKEN, spread
-from algorithms.shoreline._level import _parts
+from algorithms.shoreline._level import Level, _parts
 from algorithms.shoreline._outline import detail_of
+from algorithms.shoreline._returns import Returns
 from algorithms.shoreline.extract import ShorelineExtract
 from toolbox.data import PointCloud, Survey
 from toolbox.declare import ClassList, Position
 from toolbox.errors import DataError
 
 MIDDLE = Position(ORIGIN[0] + 50, ORIGIN[1] + 50)
+ORIGIN_OF_SCENES = waters.ORIGIN[:2]
 CIRCLE = shapely.Point(MIDDLE).buffer(RADIUS, quad_segs=90)
 
 
@@ -650,3 +652,45 @@ def test_outlines_are_known_to_two_spacings_of_points_and_at_best_to_a_metre() -
     for density, metre, detail in ((0.25, 1.0, 4.0), (100.0, 1.0, 1.0), (100.0, 0.001, 0.2)):
         cells: Any = SimpleNamespace(density=density, metre=metre)
         assert detail_of(cells) == pytest.approx(detail)
+
+
+def test_a_median_of_counts_does_not_jump() -> None:
+    """One of five cells changes by one point."""
+    counts = [median_of_counts(np.array(some)) for some in ([3, 3, 3, 4, 4], [3, 3, 4, 4, 4])]
+    assert np.diff(counts) == pytest.approx(1 / 3)
+    assert median_of_counts(np.full(5, 3)) == 3
+
+
+@pytest.mark.parametrize("dark", [True, False])
+def test_a_few_cells_do_not_make_a_water_of_bright_land_beside_them(dark: bool) -> None:
+    """A hole of a few cells is water; the level land around it is, if that is dark or lost."""
+    cells = grid(Returns.of(lake(returned=1.0, dark=dark), None, None))
+    pour, level = Pour(cells, 100.0), Level(LEVEL, 0.01, 9.0, 0.02, 100)
+    rows, cols = (np.abs(np.arange(n) - n // 2) <= 5 for n in cells.low.shape)
+    hole = np.flatnonzero((rows[:, None] & cols).ravel())
+    body = Body(hole, LEVEL, Tilt(), 0.1, 0.9, "few returns, dark")
+    (found,) = pour.again(body, level, Tilt())
+    assert (len(found.cells) > 10 * len(hole)) == dark
+
+
+@pytest.mark.parametrize("seed", [2, 13])
+def test_a_river_of_pools_and_rapids_is_no_level_water(seed: int, caplog: Any) -> None:
+    """It was a single level at the height of the upper pool, 0.6 m above the lower one."""
+    made = waters.survey("rapids", seed, returned=0.05, density=1.0)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        water = extract(made.points, bodies="all", sloped=True).water.frame
+    upper, lower = made.waters[0], made.waters[-1]
+    for known in (upper, lower):
+        outline = shapely.transform(known.shape, lambda xy: xy + ORIGIN_OF_SCENES)
+        best = water.loc[shapely.area(shapely.intersection(water.geometry, outline)).argmax()]
+        assert abs(best.level - known.level) < 0.1
+    assert "waters meet at different levels" in caplog.text
+    (step,) = re.findall(r"largest, of ([0-9.]+) m, is at", caplog.text)
+    assert float(step) > 0.3
+
+
+def test_ponds_far_from_one_another_have_no_step(caplog: Any) -> None:
+    made = waters.survey("ponds", 3, density=4.0, noise=0.03, returned=0.3)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        extract(made.points, bodies="all")
+    assert "meet at different levels" not in caplog.text

@@ -1,0 +1,92 @@
+"""Rivers of pools and rapids: waters whose surface is neither one level nor one plane."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from algorithms.shoreline._bodies import (
+    COMPACT,
+    LEVEL,
+    Body,
+    CellGrid,
+    above_and_below,
+    core_of,
+    fit,
+    smoothed,
+    window,
+)
+
+Floats = NDArray[np.floating[Any]]
+Ints = NDArray[np.int64]
+ENDS = 10, 90  # per cent: between them the heights of a surface differ by what it falls
+
+
+def reaches(cells: CellGrid, body: Body, least: int, most: float) -> list[Body]:
+    """The upper and lower parts of a water whose surface is no plane.
+
+    A river falls from its upper to its lower end, so what is higher than some height is in few
+    large pieces, and what is lower, too. Waves, banks and plants do not lie so. Heights are means
+    over a share of the whole water, which no handful of points moves.
+
+    Parameters
+    ----------
+    cells : see :class:`CellGrid`
+    body : a water that returns pulses
+    least : cells of a part
+    most : by which the heights may differ from a plane, in the unit of the data
+
+    Returns
+    -------
+    list of Body
+        The body itself if its surface is a plane, level or not.
+    """
+    core = core_of(cells, body.cells)
+    core = core[np.isfinite(cells.middle.ravel()[core])]
+    if len(core) < 2 * least or _from_plane(cells, core) <= most:
+        return [body]
+    upper = above_and_below(cells, core, cells.middle.ravel()[core])
+    pieces = [piece for part in (upper, ~upper) for piece in _pieces(cells, core[part], least)]
+    if sum(len(piece) for piece in pieces) < COMPACT * len(core):
+        return [body]
+    return [_reach(cells, body, part) for part in _nearest(cells, body.cells, pieces)]
+
+
+def _from_plane(cells: CellGrid, core: Ints) -> float:
+    """By how much heights without waves differ from a plane."""
+    heights = smoothed(cells, core, cells.middle.ravel()[core])
+    level, tilt = fit(cells, core, heights)
+    off = heights - level - tilt.at(core // cells.lattice.cols, core % cells.lattice.cols)
+    return float(np.ptp(np.percentile(off, ENDS)))
+
+
+def _pieces(cells: CellGrid, some: Ints, least: int) -> Iterator[Ints]:
+    """The connected cells among some, where they are many enough."""
+    (top, left), mask = window(cells.lattice, some, 0)
+    labels, count = ndimage.label(mask)
+    of = labels[some // cells.lattice.cols - top, some % cells.lattice.cols - left]
+    for number in np.flatnonzero(np.bincount(of, minlength=count + 1) >= least):
+        yield some[of == number]
+
+
+def _nearest(cells: CellGrid, every: Ints, pieces: Sequence[Ints]) -> list[Ints]:
+    """All cells of a water, with the piece that each is nearest to."""
+    (top, left), wet = window(cells.lattice, every, 0)
+    label = np.zeros(wet.shape, np.int32)
+    for number, piece in enumerate(pieces, 1):
+        label[piece // cells.lattice.cols - top, piece % cells.lattice.cols - left] = number
+    near = ndimage.distance_transform_edt(label == 0, return_distances=False, return_indices=True)
+    of = label[tuple(near)][every // cells.lattice.cols - top, every % cells.lattice.cols - left]
+    return [every[of == number] for number in range(1, len(pieces) + 1)]
+
+
+def _reach(cells: CellGrid, body: Body, part: Ints) -> Body:
+    """A part of a body as a body, at the median of its own heights."""
+    heights = cells.middle.ravel()[part]
+    level = float(np.nanmedian(heights)) + cells.base
+    return replace(body, cells=part, level=level, tilt=LEVEL, waves=np.inf)

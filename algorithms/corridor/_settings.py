@@ -40,7 +40,9 @@ class Points:
         0.4, "m", "height above the ground from which a point can be of a tower"
     )
     company_side: float = surveyed(
-        2.0, "m", "side in plan of a cell, or box half as high, in which points have others"
+        2.0,
+        "m",
+        "in which points have others, along a wire and in plan; half of it up",
     )
     company_share: float = tried(
         0.9, "1", "share of the points with such company, from which the others are errors"
@@ -60,16 +62,18 @@ class Points:
 class Trace:
     """Where wires may begin, and how they are followed."""
 
-    crowd_voxel: float = tried(1.0, "m", "side of the voxels in which points are crowded")
     crowd_reach: int = tried(2, "voxels", "to each side that may crowd a wire")
-    least_eighths: float = surveyed(42.0, "voxels / 8", "that wires fill in 5 m, at least")
-    most_eighths: float = surveyed(84.0, "voxels / 8", "that wires fill in 5 m, at most")
+    least_eighths: float = surveyed(
+        42.0, "voxels / 8", "that wires fill in 5 m, at least; twice as many at most"
+    )
     eighths_per_density: float = surveyed(
         9.0, "voxels / 8 m2", "that six wires side by side fill in 5 m, per point / m2"
     )
     shortest_curve: float = tried(10.0, "m", "length of a curve that is kept")
     seed_reach: float = tried(
-        6.0, "m", "to both sides of a seed, of the straight piece in which a wire begins"
+        6.0,
+        "m",
+        "to both sides of a seed, of the straight piece in which a wire begins",
     )
     steepest: float = built(0.7, "m / m", "rise over run of a wire")
     least_seed: float = tried(3.5, "m", "of the straight piece with points, where a wire may begin")
@@ -118,9 +122,8 @@ class Curves:
     certain_sigmas: float = unlikely(3.0, "sigmas", "from which something is certain")
     largest_swing: float = built(1.5, "tangent", "of the angle by which wind may lift a wire")
     clutter_radius: float = tried(
-        1.5, "m", "around a wire, an arm or the top of a support, of what may crowd it"
+        1.5, "m", "around a wire, an arm, the top of a support or what a rope carries"
     )
-    clutter_step: float = tried(4.0, "m", "along a wire, for which clutter is counted")
     alone_share: float = tried(
         0.2, "1", "share of a wire along which there is no clutter, at least"
     )
@@ -159,7 +162,9 @@ class Network:
     longest_missing: float = tried(
         60.0, "m", "of a wire that may be missing, and of its end that tells where it goes on"
     )
-    bundle_width: float = built(0.6, "m", "within which conductors form a bundle")
+    bundle_width: float = built(
+        0.6, "m", "within which conductors form a bundle; what a rope carries is wider"
+    )
 
     @property
     def cos_parallel(self) -> float:
@@ -179,7 +184,7 @@ class Structures:
     filled: float = tried(
         0.6,
         "1",
-        "share of steps, cells or metres with points, where something goes on: beams, too",
+        "share of steps, cells, metres or points, from which something is so all along",
     )
     contact_bend: float = built(
         0.35, "1", "share of the curvature of the messenger wire: the contact wire has less"
@@ -199,20 +204,18 @@ class Structures:
         "1",
         "share of pieces, or of the wires of a line, that hold something level; some lie at masts",
     )
-    carrier_top: float = built(0.8, "m", "below a rope, where what it carries begins")
     carrier_bottom: float = built(8.0, "m", "below a rope, where what it carries ends")
-    carrier_half: float = built(1.5, "m", "half width of what a rope carries")
-    carrier_long: float = built(4.0, "m", "length of it along the rope")
-    carrier_size: float = built(0.5, "m", "across it, more than wires are thick")
-    carrier_room: float = built(2.0, "m", "of empty air around it")
-    body_gap: float = surveyed(1.0, "m", "between points of one body, a carrier or a deck, at most")
-    carrier_end: float = built(
-        6.0, "m", "from the ends of a rope, where there are insulators and jumpers"
+    carrier_room: float = built(
+        2.0,
+        "m",
+        "of empty air around it; its length, and what lies around a cable above a deck, is twice",
+    )
+    body_gap: float = surveyed(
+        1.0,
+        "m",
+        "between points of one body, a carrier or a deck, at most; from a rope to what it carries",
     )
     bridge_sag: float = built(1 / 15, "1", "share of its span: more than wires sag")
-    deck_room: float = built(
-        4.0, "m", "from the lowest point of a cable down and aside to the deck"
-    )
     mesh_height: float = built(0.4, "m", "up, between wires that are tied")
     mesh_gap: float = built(12.0, "m", "between two crossings of a wire in a mesh, at most")
     mesh_angle: float = built(30.0, "degrees", "between wires that cross")
@@ -227,15 +230,14 @@ class Structures:
 class Tracks:
     """How curves become one track per wire."""
 
-    hole: float = tried(2.0, "m", "of a curve in which there should be points")
     chain_gap: float = tried(25.0, "m", "along, between tracks of one wire")
     chain_aside: float = tried(
         1.6, "tolerances", "aside and up, between tracks of one wire that follow each other"
     )
-    chain_rise: float = built(0.06, "m / m", "up along the gap between tracks of one wire")
     chain_overlap: float = tried(
         0.7, "tolerances", "aside and up, between tracks of one wire that overlap"
     )
+    chain_rise: float = built(0.06, "m / m", "up along the gap between tracks of one wire")
     end_points: int = tried(12, "points", "at the end of a track, that tell where it goes on")
 
 
@@ -298,11 +300,11 @@ class Arcs:
         "scatter of a wire that locates supports; of the smallest: of what surely is on a wire",
     )
     coarse_bins: int = tried(3, "bins", "put together to find the common curvature")
-    least_tried: float = built(1 / 3000, "1 / m", "least curvature that is tried")
-    most_tried: float = built(1 / 100, "1 / m", "largest curvature that is tried")
     curvature_spread: float = built(
         0.3, "1", "share of the curvature or sag by which wires and spans differ"
     )
+    least_tried: float = built(1 / 3000, "1 / m", "least curvature that is tried")
+    most_tried: float = built(1 / 100, "1 / m", "largest curvature that is tried")
     shortest_span: float = built(20.0, "m", "between two supports")
     least_scatter: float = surveyed(0.03, "m", "of a point about a curve, at least")
     wander_length: float = surveyed(
@@ -327,7 +329,9 @@ class Arcs:
     least_usual: float = unlikely(
         0.25, "points", "the number that is usual around an arm is not below"
     )
-    arm_aside: float = built(1.0, "m", "aside of the wires that arms may reach")
+    arm_aside: float = built(
+        1.0, "m", "aside of the wires that arms may reach, and of a wire to others of its column"
+    )
     arm_above: float = built(1.2, "m", "above the wires that arms may reach")
     tree_below: float = tried(2.6, "m", "below the wires, from where trees are seen to come up")
     column_width: float = tried(0.1, "m", "across the line, of what hangs from one wire")
@@ -409,7 +413,6 @@ class Supports:
     alike_gaps: float = built(
         1.5, "1", "times the usual distance across between wires, that of wires of one support"
     )
-    column_gap: float = built(1.0, "m", "across between wires that do not hang above each other")
     enough_body: float = tried(0.4, "1", "share of its height at which a support shows points")
     much_body_pole: float = tried(0.5, "1", "the same of a pole where nothing else tells of it")
     much_body_tower: float = tried(0.75, "1", "the same of a tower")
@@ -462,6 +465,7 @@ class Lines:
         "m",
         "from wires within which are their points: of clean single ones, of bundles and noisy ones",
     )
+    own_radius: float = tried(2.0, "tolerances", "around a wire that are its own")
     fewest_carriers: int = unlikely(3, "bodies", "below the wires of a ropeway")
     carriers_per_wire: float = built(0.5, "bodies", "below each wire of a ropeway")
 
@@ -488,9 +492,6 @@ class Errors:
     )
     least_dense: float = tried(
         20.0, "points per 100 m", "of the wires found, below which others were not found"
-    )
-    most_beside: float = tried(
-        0.6, "1", "share of the points of a span with others beside it, above which it is told"
     )
 
 

@@ -160,7 +160,7 @@ def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) 
             and edges[k + 1] - edges[k] < 2 * SETTINGS.trace.seed_reach
         )
         points = piece.points[arc == k]
-        curve = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
+        curve = fit(corridor.wires.xyz[points], spread=corridor.own_radius)
         if curve is not None and not stub:
             yield replace(piece, points=points, curve=curve, arc=(number, k))
 

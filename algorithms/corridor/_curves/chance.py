@@ -42,7 +42,7 @@ def chance(
     tolerance : from the curve within which points are on it, metres
     taken : which points above the ground are on wires, and so are not around others
     """
-    on_it, beside = by_step(corridor, curve, taken, SETTINGS.tracks.hole, tolerance)
+    on_it, beside = by_step(corridor, curve, taken, SETTINGS.points.company_side, tolerance)
     own, around = tolerance**2, SETTINGS.curves.clutter_radius**2
     near = np.convolve(beside, np.ones(3), "full")[1:-1] / 3
     usual = np.maximum(near, SETTINGS.arcs.least_usual) * own / (around - own)

@@ -42,6 +42,11 @@ class Piece:
         return self.curve.ends
 
 
+def own_radius(tolerance: float) -> float:
+    """Metres around a wire, followed at a tolerance in metres, that are its own."""
+    return SETTINGS.lines.own_radius * tolerance
+
+
 @dataclass
 class Corridor:
     """The points above the ground of a corridor, the terrain, and which points are still free.
@@ -86,6 +91,11 @@ class Corridor:
         self.free = np.ones(len(self.air.xyz), bool)
         self.refused = np.zeros(len(self.wires.xyz), bool)
         self.proven = np.zeros(len(self.air.xyz), bool)
+
+    @property
+    def own_radius(self) -> float:
+        """Metres around a wire that are its own."""
+        return own_radius(self.tolerance)
 
     def refuse(self, pieces: Iterable[Piece]) -> None:
         """Mark the points on and around pieces that are certain, but no wires."""
@@ -132,7 +142,7 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
             or len(points) < SETTINGS.curves.fewest_points
         ):
             continue
-        catenary = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
+        catenary = fit(corridor.wires.xyz[points], spread=corridor.own_radius)
         if catenary is not None and not is_on_roof(corridor, catenary):
             fine = (
                 curve[kernels.CURVE_RMS] < SETTINGS.curves.fine_rms * corridor.tolerance
@@ -176,13 +186,13 @@ def is_on_roof(corridor: Corridor, curve: Catenary) -> bool:
     u, v, z = curve.residuals(np.concatenate(parts))
     inside = (u >= 0) & (u < curve.length) & (np.abs(v) < reach)
     u, v, z, ground = u[inside], v[inside], z[inside], ground[inside]
-    steps = max(1, round(curve.length / SETTINGS.tracks.hole))
+    steps = max(1, round(curve.length / SETTINGS.points.company_side))
     at = (u / curve.length * steps).astype(np.int64)
     on_it = np.hypot(v, z) <= corridor.tolerance
     own = np.bincount(at[on_it], minlength=steps) > 0
     water = np.zeros(steps, bool)
     water[own] = on_water(corridor, curve, (np.flatnonzero(own) + 0.5) * curve.length / steps)
-    slack = SETTINGS.roofs.slope * np.abs(v) + 2 * corridor.tolerance
+    slack = SETTINGS.roofs.slope * np.abs(v) + corridor.own_radius
     beside = own[at] & ~on_it & (z <= slack)
     under = beside & (ground | (z < -slack) | water[at])
     seen, below = (cells_by_side(u[those], v[those]) for those in (beside, under))
@@ -216,7 +226,7 @@ def isolated(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
     found = []
     for piece in pieces:
         on_it, beside = by_step(
-            corridor, piece.curve, taken, SETTINGS.tracks.hole, corridor.tolerance
+            corridor, piece.curve, taken, SETTINGS.points.company_side, corridor.tolerance
         )
         clear = np.mean((on_it > 0) & (beside == 0)) > SETTINGS.curves.isolated_share
         sure = piece.sure or (bool(clear) and len(piece.points) >= SETTINGS.curves.isolated_points)
@@ -298,7 +308,7 @@ def alone(corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_]) -> floa
     Twigs that happen to lie along an arc have others around them everywhere.
     """
     on_it, beside = by_step(
-        corridor, curve, taken, SETTINGS.curves.clutter_step, corridor.tolerance
+        corridor, curve, taken, 2 * SETTINGS.points.company_side, corridor.tolerance
     )
     return float(np.mean((on_it > beside)[on_it + beside > 0] if on_it.any() else 0.0))
 
@@ -325,7 +335,7 @@ def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -
     near, _ = corridor.air.around(curve, depth + width)
     near = near[corridor.free[near]]
     u, v, z = curve.residuals(corridor.air.xyz[near])
-    below = (z < -2 * corridor.tolerance) & (z > -depth)
+    below = (z < -corridor.own_radius) & (z > -depth)
     bins = max(1, round(curve.length / step))
     step_of = np.clip((u / curve.length * bins).astype(np.int64), 0, bins - 1)
     blade = below & (np.abs(v) < width)

@@ -45,7 +45,7 @@ def sparse_wires(corridor: Corridor, pieces: Sequence[Piece], ctx: Context) -> l
     """
     free = np.ones(len(corridor.wires.xyz), bool)
     for piece in pieces:
-        free[corridor.wires.around(piece.curve, 2 * corridor.tolerance)[0]] = False
+        free[corridor.wires.around(piece.curve, corridor.own_radius)[0]] = False
     own = np.flatnonzero(free)
     return wires_of(corridor, own[lonely(corridor, own, SETTINGS.sparse.company)], ctx)
 
@@ -66,7 +66,7 @@ def wires_of(corridor: Corridor, own: Ints, ctx: Context) -> list[Piece]:
     near = np.ascontiguousarray(near)
     found = []
     for points, bend, sure in groups(xyz, near, corridor.tolerance, ctx):
-        curve = fit(xyz[points], spread=2 * corridor.tolerance, curvature=bend)
+        curve = fit(xyz[points], spread=corridor.own_radius, curvature=bend)
         if curve is not None:
             corridor.proven[corridor.wires.order[own[points]]] = True
             found.append(Piece(np.sort(own[points]), curve, sure))
@@ -75,7 +75,7 @@ def wires_of(corridor: Corridor, own: Ints, ctx: Context) -> list[Piece]:
 
 def room() -> float:
     """Metres around a point, in which what stands alone has few others."""
-    return SETTINGS.trace.crowd_reach * SETTINGS.trace.crowd_voxel
+    return SETTINGS.points.company_side
 
 
 def lonely(corridor: Corridor, own: Ints, company: int) -> Mask:

@@ -88,23 +88,21 @@ def carriers(air: Airborne, height: Floats, curve: Catenary) -> int:
     ----------
     height : of the points in the air above the ground
     """
-    top, bottom = SETTINGS.structures.carrier_top, SETTINGS.structures.carrier_bottom
+    top, bottom = SETTINGS.structures.body_gap, SETTINGS.structures.carrier_bottom
     near, _ = air.around(curve, bottom + 2 * SETTINGS.structures.carrier_room)
     u, v, z = curve.residuals(air.xyz[near])
     below = (z < -top) & (
-        np.abs(v) < SETTINGS.structures.carrier_half + SETTINGS.structures.carrier_room
+        np.abs(v) < SETTINGS.curves.clutter_radius + SETTINGS.structures.carrier_room
     )
-    below &= (u > SETTINGS.structures.carrier_end) & (
-        u < curve.length - SETTINGS.structures.carrier_end
-    )
+    below &= (u > SETTINGS.arcs.most_shift) & (u < curve.length - SETTINGS.arcs.most_shift)
     near, u, v, z = near[below], u[below], v[below], z[below]
-    own = np.flatnonzero((np.abs(v) < SETTINGS.structures.carrier_half) & (z > -bottom))
+    own = np.flatnonzero((np.abs(v) < SETTINGS.curves.clutter_radius) & (z > -bottom))
     own = own[np.argsort(u[own], kind="stable")]
     found = 0
     for body in np.split(own, np.flatnonzero(np.diff(u[own]) > SETTINGS.structures.body_gap) + 1):
         if (
             len(body) < SETTINGS.structures.fewest
-            or np.ptp(u[body]) > SETTINGS.structures.carrier_long
+            or np.ptp(u[body]) > 2 * SETTINGS.structures.carrier_room
         ):
             continue
         room = (u > u[body].min() - SETTINGS.structures.carrier_room) & (
@@ -116,7 +114,7 @@ def carriers(air: Airborne, height: Floats, curve: Catenary) -> int:
         found += bool(
             alone
             and hangs
-            and max(np.ptp(v[body]), np.ptp(z[body])) > SETTINGS.structures.carrier_size
+            and max(np.ptp(v[body]), np.ptp(z[body])) > SETTINGS.network.bundle_width
         )
     return found
 
@@ -125,7 +123,7 @@ def carries_deck(air: Airborne, curve: Catenary) -> bool:
     """Whether a curve sags as the cable of a bridge does, down to a deck in the air."""
     if curve.sag < SETTINGS.structures.bridge_sag * curve.length:
         return False
-    room, gap = SETTINGS.structures.deck_room, SETTINGS.structures.body_gap
+    room, gap = 2 * SETTINGS.structures.carrier_room, SETTINGS.structures.body_gap
     low, high = max(curve.u0 - room, 0.0), min(curve.u0 + room, curve.length)
     near, _ = air.around(curve, 2 * room, low, high)
     u, v, z = curve.residuals(air.xyz[near])

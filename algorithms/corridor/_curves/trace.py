@@ -150,7 +150,7 @@ def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
     if not len(points.xyz):
         return np.zeros(0, bool), np.zeros(0, np.int64)
     halves = np.floor(
-        (points.xyz - points.xyz.min(axis=0)) / SETTINGS.trace.crowd_voxel * 2
+        (points.xyz - points.xyz.min(axis=0)) / SETTINGS.points.company_side * 4
     ).astype(np.int64)
     x, y, z = (halves // 2 + SETTINGS.trace.crowd_reach).T
     bit = halves[:, 0] % 2 + 2 * (halves[:, 1] % 2) + 4 * (halves[:, 2] % 2)
@@ -175,7 +175,7 @@ def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
         np.clip(
             SETTINGS.trace.eighths_per_density * density,
             SETTINGS.trace.least_eighths,
-            SETTINGS.trace.most_eighths,
+            2 * SETTINGS.trace.least_eighths,
         )
     )
     return (crowd <= most)[voxel], voxel

@@ -129,9 +129,12 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
     u, _, z = piece.curve.residuals(corridor.wires.xyz[points])
     order = np.argsort(u, kind="stable")
     points, u, z = points[order], u[order], z[order]
-    edges, jump = [0], 2 * corridor.tolerance
+    edges, jump = [0], corridor.own_radius
     for k in (
-        np.flatnonzero((np.abs(np.diff(z)) > jump / 2) | (np.diff(u) > SETTINGS.tracks.hole)) + 1
+        np.flatnonzero(
+            (np.abs(np.diff(z)) > jump / 2) | (np.diff(u) > SETTINGS.points.company_side)
+        )
+        + 1
     ).tolist():
         before = np.arange(max(k - SETTINGS.tracks.end_points, edges[-1]), k)
         after = np.arange(k, min(k + SETTINGS.tracks.end_points, len(u)))

@@ -44,7 +44,7 @@ def completed(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Supp
 
 def same_wire(corridor: Corridor) -> float:
     """Metres between two wires at a support that are one; wires above each other are closer."""
-    return min(SETTINGS.continued.same_wire, 2 * corridor.tolerance)
+    return min(SETTINGS.continued.same_wire, corridor.own_radius)
 
 
 def leads(wire: Wire) -> bool:
@@ -235,7 +235,7 @@ def stiffened(
         for number in wire.supports
         if other is not wire and number >= 0 and number in other.supports
     ]
-    curve = fit(np.vstack([xyz, *anchors]), spread=2 * corridor.tolerance, curvature=mean)
+    curve = fit(np.vstack([xyz, *anchors]), spread=corridor.own_radius, curvature=mean)
     if curve is None:
         return wire
     made = turned(replace(wire, curve=curve, known=(0.0, curve.length)), wire)

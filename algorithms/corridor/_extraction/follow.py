@@ -174,17 +174,20 @@ def without_contact_lines(corridor: Corridor, pieces: Sequence[Piece]) -> list[P
     """The pieces without those of contact lines of a railway, whose points may be no wire.
 
     Left among the others, these would share supports and spans with a line beside the railway, and
-    that would be no line as most of its wires were straight.
+    that would be no line as most of its wires were straight. What goes on along a contact line
+    is one as well: where the upper wire rises to a mast and falls behind it, it is not told by its
+    shape.
     """
-    held = [holds_level(corridor.air, corridor.height, piece.curve) for piece in pieces]
-    contact = [piece for piece, level in zip(pieces, held, strict=True) if level]
-    corridor.refuse(contact)
-    corridor.left_out += [piece.curve for piece in contact if piece.sure]
-    return [
-        piece
-        for piece, level in zip(pieces, held, strict=True)
-        if not level and 2 * np.count_nonzero(corridor.refused[piece.points]) <= len(piece.points)
-    ]
+    kept, least = list(pieces), SETTINGS.structures.level_share
+    contact = [one for one in kept if holds_level(corridor.air, corridor.height, one.curve)]
+    while True:
+        corridor.refuse(contact)
+        corridor.left_out += [piece.curve for piece in contact if piece.sure]
+        kept = [piece for piece in kept if all(piece is not one for one in contact)]
+        share = [corridor.refused[piece.points].mean() for piece in kept]
+        contact = [one for one, own in zip(kept, share, strict=True) if own > least]
+        if not contact:
+            return kept
 
 
 def stacked(corridor: Corridor, max_gap: float, ctx: Context) -> Iterator[Tried]:

@@ -221,7 +221,7 @@ def warn_of_edges(points: CorridorPoints, labels: Mapping[str, NDArray[np.uint32
         beside = others[near.all(axis=1)]
         if len(beside):
             away, _ = cKDTree(beside).query(own, distance_upper_bound=reach)
-            told += [str(number)] * bool(np.isfinite(away).mean() > SETTINGS.errors.most_beside)
+            told += [str(number)] * bool(np.isfinite(away).mean() > SETTINGS.structures.filled)
     if told:
         log.warning(
             "span %s: nearly all along, other points lie within %g m of the wires; edges of roofs, "

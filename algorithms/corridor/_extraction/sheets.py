@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._curves.network import Corridor, Piece
+from algorithms.corridor._curves.network import Corridor, Piece, own_radius
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._settings import SETTINGS
 
@@ -46,7 +46,7 @@ def levels_of(
     flat, bend = levelled(u, z - rise * u / length, length, corridor.tolerance)
     found = []
     for own in levels(flat, corridor.tolerance):
-        curve = fit(corridor.wires.xyz[points[own]], spread=2 * corridor.tolerance, curvature=bend)
+        curve = fit(corridor.wires.xyz[points[own]], spread=corridor.own_radius, curvature=bend)
         eighths = len(np.unique((8 * u[own] / length).astype(np.int64)))
         if curve is not None and eighths >= SETTINGS.spans.found_eighths:
             found.append(curve)
@@ -71,7 +71,7 @@ def in_plane(
         return box[:0], u[:0]
     v = v - np.polyval(np.polyfit(u[own], v[own], 1), u)
     z = air.xyz[box, 2]
-    keep = inside & (np.abs(v) < 2 * corridor.tolerance)
+    keep = inside & (np.abs(v) < corridor.own_radius)
     keep &= (z > z[own].min() - SETTINGS.arcs.tree_below) & (
         z < z[own].max() + SETTINGS.arcs.tree_below
     )
@@ -109,11 +109,13 @@ def levels(flat: Floats, tolerance: float) -> list[Ints]:
     found = []
     while len(order):
         rows = flat[order]
-        count = np.searchsorted(rows, rows + 2 * tolerance, side="right") - np.arange(len(rows))
+        count = np.searchsorted(rows, rows + own_radius(tolerance), side="right") - np.arange(
+            len(rows)
+        )
         first = int(np.argmax(count))
         if count[first] < SETTINGS.spans.found_points:
             break
         found.append(np.sort(order[first : first + count[first]]))
         middle = float(np.median(rows[first : first + count[first]]))
-        order = order[np.abs(rows - middle) > 2 * tolerance]
+        order = order[np.abs(rows - middle) > own_radius(tolerance)]
     return found

@@ -28,6 +28,7 @@ from algorithms.corridor._curves.network import (
     goes_on,
     heading,
     is_on_roof,
+    own_radius,
     runs_beside,
 )
 from algorithms.corridor._extraction.sheets import levels_of
@@ -281,7 +282,7 @@ def cut(
         mine = piece.points[(u > low) & (u <= high)]
         if len(mine) < 4:
             continue
-        own = fit(corridor.wires.xyz[mine], spread=2 * corridor.tolerance)
+        own = fit(corridor.wires.xyz[mine], spread=corridor.own_radius)
         if own is None or own.length < 4.0:
             continue
         same = own.ex * curve.ex + own.ey * curve.ey > 0
@@ -409,7 +410,7 @@ def alike(wires: list[Wire], tolerance: float) -> list[Wire]:
 
 def one_wire(tolerance: float) -> float:
     """Metres between two curves that are of one wire, as they were found at a tolerance."""
-    return min(SETTINGS.network.bundle_width / 2, 2 * tolerance)
+    return min(SETTINGS.network.bundle_width / 2, own_radius(tolerance))
 
 
 def roughest(best: Catenary, tolerance: float) -> float:
@@ -456,10 +457,10 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     if curve.length < 15:
         return []
     air = corridor.wires
-    own_radius, radius = 2 * corridor.tolerance, SETTINGS.spans.group_radius * corridor.tolerance
+    radius = SETTINGS.spans.group_radius * corridor.tolerance
     taken = corridor.refused.copy()
     for wire in wires:
-        taken[air.around(wire.curve, own_radius, -2.0, wire.curve.length + 2)[0]] = True
+        taken[air.around(wire.curve, corridor.own_radius, -2.0, wire.curve.length + 2)[0]] = True
     middles = curve.points(
         np.arange(0.0, curve.length + SETTINGS.network.line_width, SETTINGS.network.line_width)
     )
@@ -483,7 +484,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
             spread=2 * radius,
             curvature=curve.curvature,
         )
-        free &= away > own_radius
+        free &= away > corridor.own_radius
         if made is None:
             continue
         _, dv, dz = made.residuals(air.xyz[box])
@@ -505,7 +506,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
             same = made.ex * curve.ex + made.ey * curve.ey > 0
             ends = best.supports if same else best.supports[::-1]
             found.append(Wire(made, ends, (0.0, made.length), corridor.tolerance, sure=False))
-            free &= off > own_radius
+            free &= off > corridor.own_radius
     if not found:
         return []
     on_wires = corridor.on(one.curve for one in (*wires, *found))
@@ -560,7 +561,7 @@ def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
     nearest = np.hypot(v[:, None] - peaks[:, 0], z[:, None] - peaks[:, 1]).argmin(axis=1)
     found = []
     for k in range(len(peaks)):
-        curve = fit(xyz[nearest == k], spread=2 * corridor.tolerance)
+        curve = fit(xyz[nearest == k], spread=corridor.own_radius)
         if curve is None or curve.length < 0.5 * (high - low):
             return [wire]
         same = curve.ex * wire.curve.ex + curve.ey * wire.curve.ey > 0

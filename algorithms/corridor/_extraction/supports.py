@@ -188,7 +188,7 @@ def usual_gap(place: Floats, way: Floats) -> float:
     """Median distance across between neighbouring wires, those of a bundle or column as one."""
     side = np.sort(place[:, 1] * way[0, 0] - place[:, 0] * way[0, 1])
     gaps = np.diff(side)
-    gaps = gaps[gaps > SETTINGS.supports.column_gap]
+    gaps = gaps[gaps > SETTINGS.arcs.arm_aside]
     return float(np.median(gaps)) if len(gaps) else 0.0
 
 

@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 from scenes.corridors import Floats, wire
 
-from algorithms.corridor._curves.network import Corridor
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._extraction import follow as following
-from algorithms.corridor._extraction.follow import Line, follow, without_structures
+from algorithms.corridor._extraction.follow import (
+    Line,
+    follow,
+    without_contact_lines,
+    without_structures,
+)
 from algorithms.corridor._extraction.spans import Wire
 from toolbox.context import QUIET
 
@@ -54,3 +60,25 @@ def test_points_of_contact_lines_are_no_wires_above_each_other(
     corridor = corridor_of(points)
     follow(corridor, np.arange(len(points)), 30.0, (0.25, 0.625), QUIET)
     assert seen == [len(points) - len(points) // 2]
+
+
+def test_what_goes_on_along_a_contact_line_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first of four is seen to be one, the next two overlap by 40 %, the last is beside it."""
+    places = ((0.0, 40.0, 0.0), (24.0, 64.0, 0.0), (48.0, 88.0, 0.0), (24.0, 64.0, 10.0))
+    made = [wire((a, y, 6), (b, y, 6), 4000, per_metre=2.0) for a, b, y in places]
+    count = [len(points) for _, points in made]
+    ends = np.cumsum([0, *count])
+    corridor = corridor_of(np.vstack([points for _, points in made]))
+    row = np.argsort(corridor.air.order)  # of each of the points in the order of the corridor
+    pieces = [
+        Piece(np.sort(row[low:high]), curve)
+        for (curve, _), low, high in zip(made, ends, ends[1:], strict=False)
+    ]
+
+    def is_first(air: Airborne, height: Floats, curve: Catenary) -> bool:
+        return curve is made[0][0]
+
+    monkeypatch.setattr(following, "holds_level", is_first)
+    assert without_contact_lines(corridor, pieces) == pieces[-1:]
+    assert not corridor.refused[pieces[-1].points].any()
+    assert len(corridor.left_out) == 3

@@ -60,8 +60,21 @@ def chosen() -> str:
     if code := _language.get():
         return code
     said = next((text for name in VARIABLES if (text := os.environ.get(name))), "")
-    code = said.partition(".")[0].partition("_")[0].partition("-")[0].lower()
+    code = _code(said)
     return code if code.isalpha() and (FOLDER / code).is_dir() else "en"
+
+
+def _code(said: str) -> str:
+    """The language of a locale: "tr" of tr_TR.UTF-8."""
+    return said.partition(".")[0].partition("_")[0].partition("-")[0].lower()
+
+
+def missing() -> str:
+    """What is said of a language that TOOLBOX_LANG asks for and that has no catalogue; else ""."""
+    said = os.environ.get("TOOLBOX_LANG", "")
+    if _code(said) in ("", "c", "posix", "en", *languages()):
+        return ""
+    return f"TOOLBOX_LANG={said}: texts are English; there are only en, {', '.join(languages())}"
 
 
 @functools.cache

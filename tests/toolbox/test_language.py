@@ -295,3 +295,23 @@ def test_help_in_turkish_has_its_own_small_letters() -> None:
         assert language.uncapitalised("Intensity") == "intensity"
         assert language.uncapitalised("IoU") == "IoU"
         assert [language.capitalised(word) for word in ("iki", "intensity")] == ["İki", "Intensity"]
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("de", True),
+        ("de_AT.UTF-8", True),
+        ("tr", False),
+        ("en_GB", False),
+        ("", False),
+        ("C", False),
+    ],
+)
+def test_a_language_that_there_is_not_is_told_once(
+    said: str, told: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("TOOLBOX_LANG", said)
+    assert main([]) == 0
+    text = f"TOOLBOX_LANG={said}: texts are English; there are only en, tr\n"
+    assert capsys.readouterr().err == (text if told else "")

@@ -49,6 +49,8 @@ def main(argv: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         _never_failing(stream)
     said = sys.argv[1:] if argv is None else argv
+    if untold := language.missing():
+        print(untold, file=sys.stderr)
     if not said:
         print(listing.guide())
         return 0

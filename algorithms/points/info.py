@@ -64,8 +64,13 @@ class PointsInfo:
     class Outputs:
         table: Table = sink("One row per property: property, value, unit")
         count: int = sink("Number of points", unit="1")
-        density: float | None = sink("Density of points on covered ground", unit="1/m2")
-        files: Table | None = sink("One row per file, where there are several")
+        density: float | None = sink(
+            "Points per area of cells that hold some; of several files per area of their boxes",
+            unit="1/m2",
+        )
+        files: Table | None = sink(
+            "One row per file, where there are several; density is points per area of the box"
+        )
 
     def halo(self) -> float:
         """Zero, as each point is counted by itself."""

@@ -80,7 +80,9 @@ class PointsSurveyQuality:
 
     @outputs
     class Outputs:
-        density: Raster = sink("First returns per square metre", label="Density of the survey")
+        density: Raster = sink(
+            "First returns of each cell per square metre of it", label="Density of the survey"
+        )
         strips: Raster = sink("Number of strips in each cell; 0 for a void")
         strip_difference: Raster = sink(
             "Highest less lowest mean height of strips on flat ground, where they overlap",
@@ -93,7 +95,7 @@ class PointsSurveyQuality:
                 "strip": Column("Strip"),
                 "first_returns": Column("First returns"),
                 "area_m2": Column("Area with points", "m²", 0),
-                "per_m2": Column("Density of first returns", "1/m²", 2),
+                "per_m2": Column("First returns per covered area", "1/m²", 2),
                 "spacing_m": Column("Spacing of pulses", "m", 2),
                 "thin_share": Column("Cells with less than half of the mean", "%", 1, 100.0),
                 "void_share": Column("Voids", "%", 2, 100.0),
@@ -111,7 +113,9 @@ class PointsSurveyQuality:
                 "largest_m": Column("Largest difference", "m", 3),
             },
         )
-        mean_density: float = sink("Density of the first returns of the survey", unit="1/m2")
+        mean_density: float = sink(
+            "First returns per area that the data cover, voids included", unit="1/m2"
+        )
         spacing: float = sink("Spacing of pulses", unit="m", label="Spacing of pulses")
         thin_share: float = sink(
             "Share of cells with less than half of the mean density", unit="1", label="Thin share"

@@ -28,10 +28,10 @@ POINT_CLASSES: Looks = {code: (name, COLOURS[code]) for code, name in CLASSES.it
 """Name and colour of the point classes."""
 
 OTHER = (
-    *("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567"),
-    *("#2f4b7c", "#8c2d3a", "#2f6b45", "#5c2e6e"),
+    *("#7a72c9", "#58b2a3", "#2f4b7c", "#c46bb0", "#8c2d3a", "#9c8567", "#5c2e6e", "#e5a93c"),
+    *("#93b245", "#d9755b", "#5b8def", "#2f6b45"),
 )
-"""Colours in turn, of what has none of its own."""
+"""Colours in turn, of what has none of its own; the first are unlike those of point classes."""
 PALE = 0.45  # how far the colours of planes without a name are from white
 RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
 GREY = ("hillshade", "intensity")

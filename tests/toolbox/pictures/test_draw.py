@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 import shapely
 from affine import Affine
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_rgb, to_rgba
 from numpy.typing import NDArray
 from pyproj import CRS
 from scenes import layers
@@ -22,6 +23,7 @@ from scenes import layers
 from algorithms.planes.sweep import PlanesSweep
 from toolbox import language
 from toolbox.data import PointCloud, Raster, Table, Vector
+from toolbox.data.asprs import COLOURS
 from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.declare import show
 from toolbox.errors import DataError
@@ -29,6 +31,7 @@ from toolbox.pictures.charts import Bars, Curves, Sections
 from toolbox.pictures.draw import draw, drawable, has_something_to_see
 from toolbox.pictures.features import feature_classes, feature_colours, feature_key
 from toolbox.pictures.images import (
+    OTHER,
     POINT_CLASSES,
     RELIEF,
     Ramp,
@@ -72,13 +75,13 @@ def test_classes_of_flat_ground_have_their_exact_colours() -> None:
         POINT_CLASSES[2][1],
         POINT_CLASSES[6][1],
         POINT_CLASSES[9][1],
-        "#5b8def",
+        "#7a72c9",
     }
     assert not isinstance(image.key, Ramp)
     assert [name for name, _ in image.key.values()] == ["Ground", "Building", "Water", "Class 200"]
     north_west, south_east = image.rgba[1, 1], image.rgba[-2, -2]
     assert north_west == pytest.approx(to_rgba(POINT_CLASSES[2][1]))
-    assert south_east == pytest.approx(to_rgba("#5b8def"))
+    assert south_east == pytest.approx(to_rgba("#7a72c9"))
 
 
 def test_highest_point_is_on_top() -> None:
@@ -94,8 +97,8 @@ def test_declared_classes_come_before_those_of_las_in_their_own_colours() -> Non
     codes = np.repeat(np.arange(4, dtype=np.uint8), 100)
     looks = {0: ("Right", "#d4d4d4"), 3: ("Wrong", "#d7261e")}
     image = cloud_image(square(error=codes, classification=codes + 2), show.Classes("error", looks))
-    assert colours(image.rgba) == {"#d4d4d4", "#d7261e", "#5b8def", "#e5a93c"}
-    assert image.key == looks | {1: ("Class 1", "#5b8def"), 2: ("Class 2", "#e5a93c")}
+    assert colours(image.rgba) == {"#d4d4d4", "#d7261e", "#7a72c9", "#58b2a3"}
+    assert image.key == looks | {1: ("Class 1", "#7a72c9"), 2: ("Class 2", "#58b2a3")}
     assert image.rgba[-2, -2] == pytest.approx(to_rgba("#d7261e"))
 
 
@@ -133,7 +136,7 @@ def test_slopes_towards_the_light_are_brighter() -> None:
 
 def test_small_integers_are_classes_and_nodata_is_open() -> None:
     image = raster_image(raster(np.array([[0, 2, 6]], np.uint8), nodata=0))
-    assert image.key == {2: ("2", "#5b8def"), 6: ("6", "#e5a93c")}
+    assert image.key == {2: ("2", "#7a72c9"), 6: ("6", "#58b2a3")}
     assert image.rgba[0, 0, 3] == 0
     named = raster_image(raster(np.array([[2, 6]], np.uint8), descriptions=("classification",)))
     assert named.key == {2: POINT_CLASSES[2], 6: POINT_CLASSES[6]}
@@ -671,7 +674,7 @@ def test_kinds_have_their_colours_and_a_key(tmp_path: Path) -> None:
     key = feature_key((layer, way))
     assert key is not None
     assert not isinstance(key, Ramp)
-    assert list(key.values()) == [("agree", "#5b8def"), *looks.values()]
+    assert list(key.values()) == [("agree", "#7a72c9"), *looks.values()]
     np.testing.assert_allclose(feature_colours((layer, way), key)[0], to_rgba("#2166d1"))
     draw({"a": (layer, (way,))}, tmp_path / "a.png")
     draw({"a": Vector(layer.frame.drop(columns="kind"))}, tmp_path / "b.png")
@@ -722,3 +725,12 @@ def test_ranges_of_numbers_have_no_powers_of_ten() -> None:
     spots = geopandas.GeoDataFrame({"error": errors}, geometry=shapely.points(errors, 0))
     found = feature_classes((Vector(spots), show.Values("error", centred=True)))
     assert [name for name, *_ in found][1] == "error: 0.000 to 0.036"
+
+
+def test_the_first_other_colours_are_unlike_those_of_point_classes() -> None:
+    """Classes that the standard leaves open have them, and kinds of towers upon the points."""
+
+    def unlike(colour: str) -> float:
+        return min(math.dist(to_rgb(colour), to_rgb(own)) for own in COLOURS.values())
+
+    assert min(map(unlike, OTHER[:4])) > max(map(unlike, OTHER[-4:]))

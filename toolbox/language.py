@@ -37,6 +37,7 @@ _SHORT = 8  # letters that many texts have, so that the first value must be a nu
 _ONE = r"(?:'[^']*'|[^;,( ](?:(?![;,]| \().)*)"  # a value before one that adds something to it
 _FILE = r"(?P<file>(?:\w+: )?\S*\w\.\w\S* )?"  # what a text is about, which begins with its verb
 # A decimal number by itself: no part of a name, of a path, a version, an address or a law.
+_PAIR = re.compile(r"(\d\.\d+),(?=[-+]?\d+\.\d)")  # the comma between two decimal numbers
 _DECIMAL = re.compile(r"(?<![\w./:-])(?<!§ )([-+]?\d+)\.(\d+)(?![\w/]|\.\w|-\d)")
 
 
@@ -144,8 +145,11 @@ def decimals(text: str) -> str:
     >>> with speaking("tr"):
     ...     decimals("0.25 m in EPSG:32635, lidar-toolbox 0.1.0, a.laz")
     '0,25 m in EPSG:32635, lidar-toolbox 0.1.0, a.laz'
+    >>> with speaking("tr"):
+    ...     decimals("at 500100.9,4400152.4: classes 2,9")
+    'at 500100,9; 4400152,4: classes 2,9'
     """
-    return text if chosen() == "en" else _DECIMAL.sub(r"\1,\2", text)
+    return text if chosen() == "en" else _DECIMAL.sub(r"\1,\2", _PAIR.sub(r"\1; ", text))
 
 
 def for_people(english: str) -> str:

@@ -37,6 +37,7 @@ from algorithms.shoreline._kernels import TAKEN
 from algorithms.shoreline._level import (
     DAYS,
     FEWEST,
+    NINETY_FIVE,
     Level,
     edge_level,
     even_blocks,
@@ -120,7 +121,7 @@ def find_water(
     _tell_sparse(cells, least_area)
     _tell_above(cells, pour, found)
     _tell_steps(cells, found)
-    return cells, sorted(found, key=_by_size)
+    return cells, [with_hidden_shore(cells, one) for one in sorted(found, key=_by_size)]
 
 
 def _parted(points: Returns, cells: CellGrid, least: int, water: Water) -> list[Water]:
@@ -553,10 +554,11 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 *(in_unit(cells, height) for height in one.level.cover),
             )
-        if one.level.basis == "shore" and (rise := _rise(cells, one)) > WALL * metre:
+        if rise := _hidden(cells, one):
             log.warning(
                 "points: nothing came back from the %s, and half of its rim is %.1f m or more "
-                "above its level: it may be a gap of the data, filled to its lowest edge",
+                "above its level: it may be a gap of the data, filled to its lowest edge, or its "
+                "shore lies below crowns. Its interval holds levels that are as far below",
                 name_of(cells, one),
                 rise / metre,
             )
@@ -572,6 +574,22 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
 def in_unit(cells: CellGrid, height: float, digits: int = 3) -> str:
     """A height or a difference of heights with the unit of the data."""
     return f"{height:.{digits}f} {cells.unit}".rstrip()
+
+
+def with_hidden_shore(cells: CellGrid, water: Water) -> Water:
+    """A lake with a larger error of its level if neither it nor most of its shore was seen.
+
+    The lowest beside it may be a crown or the edge of a gap; how far below that the water is nobody
+    knows. The height of half of its rim is taken as the half width of the interval.
+    """
+    error = math.hypot(water.level.error, _hidden(cells, water) / NINETY_FIVE)
+    return replace(water, level=replace(water.level, error=error))
+
+
+def _hidden(cells: CellGrid, water: Water) -> float:
+    """How high half of the rim of a lake without returns is, if that hides its shore; else 0."""
+    rise = _rise(cells, water) if water.level.basis == "shore" else 0.0
+    return rise if rise > WALL * cells.metre else 0.0
 
 
 def _rise(cells: CellGrid, water: Water) -> float:

@@ -24,6 +24,7 @@ from algorithms.shoreline._water import (
     strip_levels,
     tell,
     warn_of,
+    with_hidden_shore,
     with_levels,
 )
 from toolbox.context import QUIET, Context, log
@@ -106,7 +107,8 @@ class ShorelineWaterLevel:
         else:
             cells = grid(points, ctx.part(0.4, 0.7))
             bodies = list(on_polygons(cells, polygons(self.water, "water")))
-            found = with_levels(points, cells, bodies, ctx.part(0.7, 1.0))
+            levels = with_levels(points, cells, bodies, ctx.part(0.7, 1.0))
+            found = [with_hidden_shore(cells, one) for one in levels]
         rows = [row_of(cells, number, one) for number, one in enumerate(found, 1) if cells]
         return self.Outputs(
             levels=Table.from_rows(rows),

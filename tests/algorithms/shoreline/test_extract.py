@@ -673,6 +673,13 @@ def test_a_few_cells_do_not_make_a_water_of_bright_land_beside_them(dark: bool) 
     assert (len(found.cells) > 10 * len(hole)) == dark
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_lake_below_crowns_that_returns_nothing_is_as_unsure_as_they_are_high(seed: int) -> None:
+    """Its level was that of the lowest crowns, 2 m too high, with 0.17 m as its interval."""
+    (water,) = extract(waters.survey("trees", seed, returned=0.0).points).water.frame.itertuples()
+    assert 1.5 < water.level - 99.0 < water.level_interval < 4.0
+
+
 @pytest.mark.parametrize("seed", [2, 13])
 def test_a_river_of_pools_and_rapids_is_no_level_water(seed: int, caplog: Any) -> None:
     """It was a single level at the height of the upper pool, 0.6 m above the lower one."""

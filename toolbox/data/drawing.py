@@ -20,7 +20,7 @@ from toolbox.data.layer import Layer, text_array
 from toolbox.data.reading import errors_named
 from toolbox.data.record import CHUNK, own_side_car, side_car, write_beside
 from toolbox.errors import DataError
-from toolbox.files import refuse_to_replace
+from toolbox.files import followed, refuse_to_replace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,11 +181,11 @@ class Drawing(Layer):
         if head:
             self.with_head(head).save(path, overwrite=overwrite, record=record, ctx=ctx)
             return
-        path = Path(path)
+        path = followed(path)
         suffix = path.suffix.lower()
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: drawings are written as {', '.join(self.SUFFIXES)}")
-        refuse_to_replace(self.own_files(path), overwrite=overwrite)
+        refuse_to_replace(path, self.own_files, overwrite=overwrite)
         with errors_named(f"{path} cannot be written"):
             if suffix == ".dxf":
                 self._write_dxf(path)

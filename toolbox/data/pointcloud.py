@@ -38,7 +38,7 @@ from toolbox.data.paths import COPC, LAS, TEXT, Paths, PointFiles, suffix_of
 from toolbox.data.reading import Reading
 from toolbox.data.record import own_side_car
 from toolbox.errors import DataError, nearest
-from toolbox.files import refuse_to_replace
+from toolbox.files import followed, refuse_to_replace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -699,7 +699,7 @@ class PointCloud(Layer):
         """
         saving.save(
             self,
-            Path(path),
+            followed(path),
             columns=columns,
             version=version,
             format=format,
@@ -757,7 +757,8 @@ class PointCloud(Layer):
         DataError
             The file cannot be written.
         """
-        refuse_to_replace(self.own_files(path), overwrite=overwrite)
+        path = followed(path)
+        refuse_to_replace(path, self.own_files, overwrite=overwrite)
         saving.save_batches(
             self,
             path,

@@ -36,7 +36,7 @@ from toolbox.data.reading import errors_named, need_memory
 from toolbox.data.record import ITEM, checked
 from toolbox.data.remote.address import as_path
 from toolbox.errors import DataError
-from toolbox.files import refuse_to_replace
+from toolbox.files import followed, refuse_to_replace
 
 STRIP = 256  # rows that are written at a time; one row of tiles of the file
 _COMPRESSED = {"compress": "deflate", "bigtiff": "if_safer"}
@@ -305,10 +305,10 @@ class Raster(Layer):
         from rasterio.errors import RasterioError
         from rasterio.windows import Window
 
-        path, wanted = Path(path), np.dtype(dtype or self.values.dtype)
+        path, wanted = followed(path), np.dtype(dtype or self.values.dtype)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: rasters are written as {' or '.join(self.SUFFIXES)}")
-        refuse_to_replace(self.own_files(path), overwrite=overwrite)
+        refuse_to_replace(path, self.own_files, overwrite=overwrite)
         one = replace(self, values=self.values[:, :1, :1])  # what is written where nothing is known
         profile = {
             "count": len(self.values),

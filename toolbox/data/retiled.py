@@ -24,7 +24,7 @@ from toolbox.data.reading import errors_named
 from toolbox.data.record import with_record, write_beside
 from toolbox.data.survey import Survey, SurveyFile
 from toolbox.errors import DataError
-from toolbox.files import refuse_to_replace
+from toolbox.files import followed, refuse_to_replace
 
 MARGIN = "tile_margin"
 """Attribute that is 1 for the points of a tile that are the own of a neighbour, else 0."""
@@ -98,16 +98,20 @@ class Retiled(Survey):
         DataError
             A tile or the index cannot be written, or two tiles have the same name.
         """
-        path = Path(path)
+        path = followed(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: tiles are written with an index, {', '.join(self.SUFFIXES)}")
-        refuse_to_replace(self.own_files(path), overwrite=overwrite)
-        with TemporaryDirectory(dir=path.parent, prefix=".points-") as drafts:
-            metadata, cells = self._sorted_into(Path(drafts), ctx.part(0, 0.5))
-            names = self._names_of(cells, (place or path).parent)
-            refuse_to_replace(map(path.with_name, names.values()), overwrite=overwrite)
-            part = ctx.part(0.5, 1)
-            files = _write_tiles(path, Path(drafts), with_record(metadata, record), names, part)
+        refuse_to_replace(path, self.own_files, overwrite=overwrite)
+        try:
+            with TemporaryDirectory(dir=path.parent, prefix=".points-") as drafts:
+                metadata, cells = self._sorted_into(Path(drafts), ctx.part(0, 0.5))
+                names = self._names_of(cells, (place or path).parent)
+                tiles = tuple(map(path.with_name, names.values()))
+                refuse_to_replace(path, lambda index: tiles, overwrite=overwrite)
+                part = ctx.part(0.5, 1)
+                files = _write_tiles(path, Path(drafts), with_record(metadata, record), names, part)
+        except OSError as error:
+            raise DataError(f"{path} cannot be written: {error.strerror or error}") from error
         with errors_named(f"{path} cannot be written"):
             text = vpc.text_of(files, path, own=True)
             path.write_text(text, encoding="utf-8", newline="\n")

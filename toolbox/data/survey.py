@@ -25,7 +25,7 @@ from toolbox.data.pointcloud import PointCloud
 from toolbox.data.reading import CHANGED, Reading, errors_named, state
 from toolbox.data.record import own_side_car, write_beside
 from toolbox.errors import DataError
-from toolbox.files import refuse_to_replace
+from toolbox.files import followed, refuse_to_replace
 
 _DATED = 20  # files that are asked for the day of the survey
 _BATCH = 1_000_000  # points that are read at a time to find their bounds
@@ -357,10 +357,10 @@ class Survey(Layer):
         DataError
             It cannot be written.
         """
-        path = Path(path)
+        path = followed(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: a survey is written as {', '.join(self.SUFFIXES)}")
-        refuse_to_replace(self.own_files(path), overwrite=overwrite)
+        refuse_to_replace(path, self.own_files, overwrite=overwrite)
         with errors_named(f"{path} cannot be written"):
             text = vpc.text_of(self.files, place or path, overview=self.overview)
             path.write_text(text, encoding="utf-8", newline="\n")

@@ -57,7 +57,7 @@ from toolbox.data.record import (
 from toolbox.data.remote.address import as_path
 from toolbox.data.table import Table
 from toolbox.errors import DataError
-from toolbox.files import refuse_to_replace
+from toolbox.files import followed, refuse_to_replace
 
 if TYPE_CHECKING:
     import geopandas
@@ -328,12 +328,12 @@ class Vector(Layer):
             how |= {"headings": headings, "qml": qml, "overwrite": overwrite, "record": record}
             self.with_head(head).save(path, **how)
             return
-        path = Path(path)
+        path = followed(path)
         suffix = _suffix_of(path)
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: vector layers are written as {', '.join(self.SUFFIXES)}")
         adds = add and geopackage.lacks(path, layer or path.stem)
-        refuse_to_replace(self.own_files(path), overwrite=overwrite or adds)
+        refuse_to_replace(path, self.own_files, overwrite=overwrite or adds)
         local = self.crs if self.crs is not None and is_local(self.crs) else None
         if local is not None and suffix not in (geopackage.SUFFIX, ".parquet"):
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(local))

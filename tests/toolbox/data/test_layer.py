@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -44,33 +49,107 @@ def nowhere(values: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
     return np.full(len(values), False)
 
 
-@pytest.mark.parametrize(
-    ("name", "ending"),
-    [
-        ("points", ".las"),
-        ("points", ".xyz"),
-        ("cells", ".tif"),
-        ("squares", ".shp"),
-        ("squares", ".gpkg"),
-        ("rows", ".csv"),
-        ("page", ".html"),
-        ("section", ".dxf"),
-        ("survey", ".vpc"),
-        ("tiles", ".vpc"),
-    ],
-)
-def test_no_file_is_replaced_unless_that_is_said(name: str, ending: str, tmp_path: Path) -> None:
-    POINTS.save(tmp_path / "a.las")
-    survey = Survey.open(tmp_path / "a.las")
+FILES = [
+    ("points", ".las"),
+    ("points", ".xyz"),
+    ("cells", ".tif"),
+    ("squares", ".shp"),
+    ("squares", ".gpkg"),
+    ("rows", ".csv"),
+    ("rows", ".gpkg"),
+    ("page", ".html"),
+    ("section", ".dxf"),
+    ("survey", ".vpc"),
+    ("tiles", ".vpc"),
+]
+
+
+def layer_of(name: str, folder: Path) -> Any:
+    """A layer of a class; a survey of a file in the folder."""
+    POINTS.save(folder / "a.las")
+    survey = Survey.open(folder / "a.las")
     tiles = Retiled(survey.files, "a", side=1.0, pattern="{x}_{y}.las")
     more = {"section": Drawing("Road", (), (), scale=500), "survey": survey, "tiles": tiles}
-    layer, path = {**LAYERS, **more}[name], tmp_path / f"b{ending}"
+    return {**LAYERS, **more}[name]
+
+
+@pytest.mark.parametrize(("name", "ending"), FILES)
+def test_no_file_is_replaced_unless_that_is_said(name: str, ending: str, tmp_path: Path) -> None:
+    layer, path = layer_of(name, tmp_path), tmp_path / f"b{ending}"
     layer.save(path)
     before = path.read_bytes()
     with pytest.raises(ParameterError, match=rf"b\{ending} exists; allow it with overwrite=True"):
         layer.save(path)
     assert path.read_bytes() == before
     layer.save(path, overwrite=True)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize(("name", "ending"), FILES)
+def test_what_the_system_refuses_is_told_of_the_path(
+    name: str, ending: str, overwrite: bool, tmp_path: Path
+) -> None:
+    layer = layer_of(name, tmp_path)
+    for path in (tmp_path / f"{'b' * 300}{ending}", tmp_path / "gone" / f"b{ending}"):
+        with pytest.raises(DataError, match=f"^{re.escape(str(path))} cannot be written"):
+            layer.save(path, overwrite=overwrite)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such modes")
+@pytest.mark.parametrize(("name", "ending"), FILES)
+def test_a_folder_that_may_not_be_entered_is_told_of_the_path(
+    name: str, ending: str, tmp_path: Path
+) -> None:
+    layer = layer_of(name, tmp_path)
+    shut = tmp_path / "shut"
+    shut.mkdir(mode=0o600)
+    layer.save(tmp_path / f"b{ending}")  # what it imports, nobody else may be able to read
+    with (
+        somebody_else(),
+        pytest.raises(DataError, match=rf"shut/b\{ending} cannot be written: Permission denied"),
+    ):
+        layer.save(shut / f"b{ending}")
+
+
+@contextmanager
+def somebody_else() -> Iterator[None]:
+    """Be a user without rights, if this one is root, who has all."""
+    own = os.geteuid()
+    if own == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(own)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows lets few users make links")
+@pytest.mark.parametrize(("name", "ending"), FILES)
+def test_a_link_is_followed(name: str, ending: str, tmp_path: Path) -> None:
+    layer, there = layer_of(name, tmp_path), tmp_path / "there"
+    there.mkdir()
+    link, path = tmp_path / f"link{ending}", there / f"b{ending}"
+    link.symlink_to(path)
+    layer.save(link)  # as on the command line, also if nothing is there
+    assert link.is_symlink()
+    before = path.read_bytes()
+    with pytest.raises(ParameterError, match=rf"there/b\{ending} exists"):
+        layer.save(link)
+    assert path.read_bytes() == before
+    layer.save(link, overwrite=True)
+    assert link.is_symlink()
+    assert path.is_file()
+    assert {file.name for file in tmp_path.iterdir()} == {"a.las", "there", link.name}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows lets few users make links")
+@pytest.mark.parametrize(("name", "ending"), FILES)
+def test_a_circular_link_is_told(name: str, ending: str, tmp_path: Path) -> None:
+    layer, link = layer_of(name, tmp_path), tmp_path / f"link{ending}"
+    link.symlink_to(link)
+    with pytest.raises(DataError, match=rf"link\{ending} cannot be written"):
+        layer.save(link, overwrite=True)
+    assert link.is_symlink()
 
 
 def test_tiles_replace_no_file_of_somebody_else(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def save(
     suffix = suffix_of(path)
     if not path.name.lower().endswith(cloud.SUFFIXES):
         raise DataError(f"{path}: points are written as {', '.join(cloud.SUFFIXES)}")
-    refuse_to_replace(cloud.own_files(path), overwrite=overwrite)
+    refuse_to_replace(path, cloud.own_files, overwrite=overwrite)
     holds_local = suffix == ".ply" and cloud.crs is not None and is_local(cloud.crs)
     holds_local |= suffix == ".parquet"
     if suffix not in LAS and cloud.crs is not None and not holds_local:

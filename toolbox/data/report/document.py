@@ -20,7 +20,7 @@ from toolbox.data.record import own_side_car, write_beside
 from toolbox.data.report.blocks import Head, Section
 from toolbox.data.report.columns import Column
 from toolbox.errors import DataError
-from toolbox.files import refuse_to_replace
+from toolbox.files import followed, refuse_to_replace
 
 PDF, WORKBOOK = ".pdf", ".xlsx"
 LOOKS = frozenset({"style", "logo"})
@@ -168,10 +168,10 @@ class Report(Layer):
         DataError
             The suffix is another, or a file cannot be read or written.
         """
-        path = Path(path)
+        path = followed(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: reports are written as {', '.join(self.SUFFIXES)}")
-        refuse_to_replace(self.own_files(path), overwrite=overwrite)
+        refuse_to_replace(path, self.own_files, overwrite=overwrite)
         made = self.titled(title=title, client=client, fields=fields, date=date)
         try:
             if path.suffix.lower() == PDF:

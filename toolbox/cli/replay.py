@@ -65,14 +65,17 @@ def replay(
     if record.version != __version__:
         log.warning("%s was made by version %s; this is %s", path, record.version, __version__)
     given = (inputs,) if isinstance(inputs, Path) else tuple(inputs)
-    finder = _Finder(record, path.absolute().parent, given)
-    values, tool = finder.values(ctx.part(0, FIND)), str(finder.model or record.tool)
+    finder = _Finder(path.absolute().parent, given)
+    last = finder.last(record, ctx.part(0, FIND))
+    tool = last.tool
     _check(path, record, tool)
     if record.qgis and record.qgis != (here := lineage.qgis_of(catalog.load(tool))):
         log.warning("%s was made with QGIS %s; this is %s", path, record.qgis, here)
     with tempfile.TemporaryDirectory(prefix="toolbox-replay-") as folder:
-        values = _in_memory(_that_were_set(values, tool))
-        made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(FIND, COMPARE))
+        count = len(finder.steps)
+        begin = FIND + (COMPARE - FIND) * count / (count + 1)  # of the last, of as many equal parts
+        values = last.given(_handed_on(finder.steps, last, ctx.part(FIND, begin)))
+        made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(begin, COMPARE))
         if _same_files(path, made, kind_of(record.output, catalog.load(tool)).own_files):
             log.info("%s: the same, byte for byte", path.name)
             return []
@@ -95,74 +98,123 @@ def _that_were_set(values: Mapping[str, Any], tool: str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
+class _Handed:
+    """A layer that an earlier run handed on in memory; it is known by the hash of its record."""
+
+    sha256: str
+
+
+@dataclass(frozen=True)
 class _Step:
-    """An earlier run, whose result was handed on in memory."""
+    """A run with its values, as its record has them, and all that it reads from files found."""
 
     record: Record
     tool: str
     values: Mapping[str, Any]
 
-    def run(self) -> Any:
-        """Run it again, and give that result."""
-        values = _in_memory(_that_were_set(self.values, self.tool))
-        made = run(self.tool, values, assume_crs=self.record.assume_crs or None)[self.record.output]
-        return made if self.record.number is None else made[self.record.number - 1]
+    def handed(self) -> set[str]:
+        """The layers that earlier runs handed on to it."""
+        items = (i for v in self.values.values() for i in (v if isinstance(v, list) else [v]))
+        return {item.sha256 for item in items if isinstance(item, _Handed)}
+
+    def given(self, made: Mapping[str, Any]) -> dict[str, Any]:
+        """The values to run it with, without defaults.
+
+        Parameters
+        ----------
+        made : the layers that were handed on
+        """
+
+        def layer(value: Any) -> Any:
+            if isinstance(value, list):
+                return [layer(item) for item in value]
+            return made[value.sha256] if isinstance(value, _Handed) else value
+
+        return {n: layer(value) for n, value in _that_were_set(self.values, self.tool).items()}
+
+    def run(self, made: Mapping[str, Any], ctx: Context) -> Any:
+        """Run it again, and give the layer that it handed on."""
+        how: dict[str, Any] = {"assume_crs": self.record.assume_crs or None, "ctx": ctx}
+        found = run(self.tool, self.given(made), **how)[self.record.output]
+        return found if self.record.number is None else found[self.record.number - 1]
 
 
-def _in_memory(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a run, with the results of earlier runs made again."""
+def _handed_on(steps: Mapping[str, _Step], last: _Step, ctx: Context) -> dict[str, Any]:
+    """What the last run needs of earlier ones, each of which is run once.
 
-    def made(value: Any) -> Any:
-        if isinstance(value, list):
-            return [made(item) for item in value]
-        return value.run() if isinstance(value, _Step) else value
+    A layer is kept no longer than steps need it.
 
-    return {name: made(value) for name, value in values.items()}
+    Parameters
+    ----------
+    steps : the earlier runs, each behind those that it needs
+    """
+    until = {key: place for place, step in enumerate(steps.values()) for key in step.handed()}
+    needed = last.handed()
+    made: dict[str, Any] = {}
+    for place, (key, step) in enumerate(steps.items()):
+        made[key] = step.run(made, ctx.part(place / len(steps), (place + 1) / len(steps)))
+        for old in step.handed() - needed:
+            if until[old] == place:
+                del made[old]
+    return made
 
 
 class _Finder:
-    """Finds the inputs of a record by name, and checks that they have not changed."""
+    """Finds the inputs of records by name, and checks that they have not changed.
 
-    def __init__(self, record: Record, beside: Path, below: Sequence[Path]) -> None:
-        self.record, self.beside, self.below = record, beside, below
+    Attributes
+    ----------
+    problems : of inputs that are missing or have changed, by where they belong
+    steps : the runs that handed a layer on in memory, by the hash of its record; each stands
+        behind those that it needs
+    """
+
+    def __init__(self, beside: Path, below: Sequence[Path]) -> None:
+        self.beside, self.below = beside, below
         self.problems: dict[str, str] = {}
-        self.model: Path | None = None
+        self.steps: dict[str, _Step] = {}
 
-    def values(self, ctx: Context) -> dict[str, Any]:
-        """The values for the run; one error lists all inputs that are missing or have changed."""
-        named = [(name, item) for name, items in self.record.inputs.items() for item in items]
-        found: dict[str, list[Any]] = {name: [] for name in self.record.inputs}
+    def last(self, record: Record, ctx: Context) -> _Step:
+        """The run that made the product; one error lists all that is missing or has changed."""
+        found = self._step(record, (), ctx)
+        if self.problems:
+            raise DataError(f"{record.tool} cannot run again", self.problems)
+        return found
+
+    def _step(self, record: Record, way: tuple[str, ...], ctx: Context) -> _Step:
+        """A run, with the paths of its inputs.
+
+        Parameters
+        ----------
+        way : the inputs that lead to it from the product
+        """
+        named = [(name, item) for name, items in record.inputs.items() for item in items]
+        found: dict[str, list[Any]] = {name: [] for name in record.inputs}
         for index, (name, item) in enumerate(named):
             part = ctx.part(index / len(named), (index + 1) / len(named))
+            here = (*way, f"{record.tool}.{name}" if way else name)
             if item.in_memory:
-                found[name] += self._step(name, item, part)
-            elif paths := self._paths(name, item, part):
+                found[name].append(self._layer(record, item, here, part))
+            elif paths := self._paths(item, here, part):
                 found[name] += self._openable(item, paths)
-        if self.record.model and (paths := self._paths("model", self.record.model, ctx)):
-            (self.model,) = paths
-        if self.problems:
-            raise DataError(f"{self.record.tool} cannot run again", self.problems)
         sources = {n: layers[0] if len(layers) == 1 else layers for n, layers in found.items()}
-        return dict(self.record.parameters) | sources
+        here = (*way, f"{record.tool}.model" if way else "model")
+        models = self._paths(record.model, here, ctx) if record.model else []
+        return _Step(record, str([*models, record.tool][0]), dict(record.parameters) | sources)
 
-    def _step(self, name: str, item: Input, ctx: Context) -> list[_Step]:
-        """The run that made a layer in memory; if none did, a problem is noted."""
-        record = self.record.ancestor(item.sha256)
-        if record is None:
-            self.problems[name] = "was a layer in memory, which no run of the toolbox made"
-            return []
-        finder = _Finder(record, self.beside, self.below)
-        try:
-            values = finder.values(ctx)
-        except DataError as error:
-            self.problems |= {f"{name}, {record.tool}.{n}": t for n, t in error.problems.items()}
-            return []
-        return [_Step(record, str(finder.model or record.tool), values)]
+    def _layer(self, record: Record, item: Input, here: tuple[str, ...], ctx: Context) -> _Handed:
+        """A layer in memory, of which the run is found; if none made it, a problem is noted."""
+        before = record.ancestor(item.sha256)
+        if before is None:
+            self.problems[_joined(here)] = _why_unknown(record, item)
+        elif item.sha256 not in self.steps:
+            self.steps[item.sha256] = self._step(before, here, ctx)
+        return _Handed(item.sha256)
 
     def _openable(self, item: Input, paths: list[Path]) -> list[Any]:
         return [{**item.options, "path": path} if item.options else path for path in paths]
 
-    def _paths(self, name: str, item: Input, ctx: Context) -> list[Path]:
+    def _paths(self, item: Input, here: tuple[str, ...], ctx: Context) -> list[Path]:
         """The files of an input; if there are none, a problem is noted."""
         candidates = list(self._candidates(item))
         for paths in candidates:
@@ -174,6 +226,7 @@ class _Finder:
         else:
             text = f"there is no file {item.file} {where}"
             text += "" if self.below else "; say with --inputs FOLDER where it is"
+        name = _joined(here)
         self.problems[f"{name}, {item.file}" if name in self.problems else name] = text
         return []
 
@@ -191,6 +244,23 @@ class _Finder:
         """The files of a name or pattern in each of the folders."""
         found = [self.beside.glob(pattern), *(one.glob(f"**/{pattern}") for one in self.below)]
         yield from (sorted(path for path in paths if path.is_file()) for paths in found)
+
+
+def _joined(way: tuple[str, ...]) -> str:
+    """Where an input belongs: of a long way that leads to it only its ends."""
+    return ", ".join(way if len(way) < 3 else (way[0], "...", way[-1]))
+
+
+def _why_unknown(record: Record, item: Input) -> str:
+    """Why a layer in memory has no run that could make it again."""
+    if not item.sha256:
+        return "was a layer in memory; what it was made of had changed before it was recorded"
+    if record.omitted:
+        return (
+            "was a layer in memory; if a run of the toolbox made it, its record had no room: at "
+            f"least {record.omitted} were left out"
+        )
+    return "was a layer in memory, which no run of the toolbox made"
 
 
 def _check(path: Path, record: Record, tool: str) -> None:

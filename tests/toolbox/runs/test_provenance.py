@@ -24,7 +24,8 @@ from hypothesis import strategies as st
 
 import toolbox
 from toolbox import catalog
-from toolbox.cli.replay import replay
+from toolbox.cli import replay as replaying
+from toolbox.cli.replay import COMPARE, FIND, replay
 from toolbox.context import Context
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, crs_text, parse_crs, same_crs
@@ -391,7 +392,69 @@ def test_a_chain_in_memory_says_its_steps_and_is_run_again(folder: Path) -> None
     with pytest.raises(DataError) as caught:
         replay(path)
     (name,) = caught.value.problems
-    assert name == "points, points.filter.points, points.thin.points"
+    assert name == "points, ..., points.thin.points"
+
+
+def low_points(folder: Path) -> PointCloud:
+    made = toolbox.run("points.filter", {"points": folder / "a.laz", "classes": (2,)}).kept
+    assert isinstance(made, PointCloud)
+    return made
+
+
+def test_a_replay_of_a_chain_shows_its_progress_and_stops(folder: Path) -> None:
+    path = grid(folder, points=low_points(folder))
+    seen: list[float] = [0]
+    assert replay(path, ctx=Context(seen.append)) == []
+    assert seen == sorted(seen)
+    first = (FIND, (FIND + COMPARE) / 2)  # of two runs
+    assert any(first[0] < fraction < first[1] for fraction in seen)
+    del seen[1:]
+    with pytest.raises(Cancelled):
+        replay(path, ctx=Context(seen.append, lambda: seen[-1] > FIND))
+    assert seen[-1] < first[1]
+
+
+def test_a_step_that_several_need_is_run_again_once(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    low = low_points(folder)
+    values = {"points": low, "reference": low, "confusion": folder / "b.csv"}
+    toolbox.run("compare.classes", values)
+    ran = []
+
+    def noted(tool: str, *values: Any, **how: Any) -> Any:
+        ran.append(tool)
+        return toolbox.run(tool, *values, **how)
+
+    monkeypatch.setattr(replaying, "run", noted)
+    assert replay(folder / "b.csv") == []
+    assert ran == ["points.filter", "compare.classes"]
+
+
+def test_of_several_layers_the_one_that_was_handed_on_is_made_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(replaying, "run", lambda *_, **__: {"kept": ("one", "two")})
+    record = dataclasses.replace(with_ancestors(0), output="kept", number=2)
+    assert replaying._Step(record, "points.filter", {}).run({}, Context()) == "two"
+
+
+@pytest.mark.parametrize(
+    ("sha256", "omitted", "text"),
+    [
+        ("f" * 64, 0, "which no run of the toolbox made"),
+        ("f" * 64, 305, "its record had no room: at least 305 were left out"),
+        ("", 305, "what it was made of had changed"),
+    ],
+)
+def test_why_a_layer_in_memory_is_not_made_again(
+    sha256: str, omitted: int, text: str, tmp_path: Path
+) -> None:
+    inputs = {"points": (Input("in memory", sha256, None),)}
+    record = dataclasses.replace(with_ancestors(0), inputs=inputs, omitted=omitted)
+    Table(pd.DataFrame({"n": [1]})).save(tmp_path / "a.csv", record=record.to_json())
+    with pytest.raises(DataError, match=text):
+        replay(tmp_path / "a.csv")
 
 
 def test_what_was_changed_in_python_is_not_of_the_tool(folder: Path) -> None:

@@ -53,9 +53,9 @@ from toolbox.tiles.crew import Crew, reach_of
 from toolbox.tiles.plan import ALONE, TilePlan, as_model, surveys_of
 from toolbox.tiles.products import Product
 from toolbox.tiles.store import TileGrid
-from toolbox.tiles.tiling import Tiling
+from toolbox.tiles.tiling import Tiling, memory_of
 from toolbox.tiles.work import TileJob
-from toolbox.tiles.workers import memory_of, workers_of
+from toolbox.tiles.workers import workers_of
 
 LIBRARIES = 150_000_000  # bytes of a worker that has no points yet; measured: 117 MB
 SMALLEST = 0.1  # metres: smaller tiles are taken for a mistake in the size
@@ -105,6 +105,8 @@ def run(
     ParameterError, DataError
         The tool needs the whole cloud, a file cannot be read, or tiles have failed.
     """
+    if tiling.scheduler is None:
+        memory_of(tiling)  # an error of it comes before anything is read or written
     defaults = {name: f.default for name, f in spec.inputs.items() if not f.required}
     settings = {n: v for n, v in (defaults | dict(settings)).items() if n not in spec.sources}
     wanted = [target.output for target in targets.values()]
@@ -306,8 +308,10 @@ def suitable_size(survey: Survey, plan: TilePlan, tiling: Tiling) -> float:
     """
     boxes = np.reshape([file.bounds for file in survey.files if file.count], (-1, 2, 3))
     area = float(np.prod(boxes[:, 1, :2] - boxes[:, 0, :2], axis=1).sum()) / survey.metre**2
-    side = plan.side(survey.count / area, memory_of(tiling) - LIBRARIES)
-    side = min(side, math.sqrt(area / (2 * tiling.workers)))
+    side = 0.0  # of points in a line, which cover no area
+    if area:
+        side = plan.side(survey.count / area, memory_of(tiling) - LIBRARIES)
+        side = min(side, math.sqrt(area / (2 * tiling.workers)))
     return max(float(round(side, -1)), 50.0, float(round(plan.halo / 2, -1)))
 
 

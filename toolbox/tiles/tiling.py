@@ -10,7 +10,9 @@ from typing import Any
 
 from toolbox.errors import ParameterError
 
-BYTES = {"": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
+BYTES = {"": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "tb": 10**12}
+BYTES |= {"kib": 2**10, "mib": 2**20, "gib": 2**30, "tib": 2**40}
+MEMORY_SHARE = 0.8  # of the memory of this computer, for all workers together
 
 LEAST = 5 * 10**8  # bytes for each worker: what its libraries and a small tile need
 MOST = 10**15  # bytes: more are taken for a mistake
@@ -58,9 +60,7 @@ class Tiling:
             text = f"must be a whole number up to {MOST_WORKERS}, got {given['workers']}"
             problems["workers"] = text
         elif workers is not None and memory is not None and memory < workers * LEAST:
-            count, given_all = int(workers), given["memory"]
-            text = f"must be at least 500 MB for each worker, and {count} share {given_all}"
-            problems["memory"] = text
+            problems["memory"] = _too_little(int(workers), given["memory"])
         if size is None and given.get("scheduler") and not given.get("workers"):
             problems.setdefault(
                 "workers", "say how many the scheduler has: with --tile auto they share the memory"
@@ -69,6 +69,32 @@ class Tiling:
             raise ParameterError("run", problems)
         assert workers is not None
         return cls(size, int(workers), memory, given.get("scheduler"))
+
+
+def memory_of(tiling: Tiling) -> int:
+    """Bytes that one worker may use: its share of those of the option, or of this computer's.
+
+    Raises
+    ------
+    ParameterError
+        It is less than a worker needs.
+    """
+    memory = tiling.memory or _of_computer()
+    if memory < tiling.workers * LEAST:
+        text = _too_little(tiling.workers, f"{memory / 1e9:.1f} GB")
+        raise ParameterError("run", {"memory": text})
+    return memory // tiling.workers
+
+
+def _of_computer() -> int:
+    """Bytes of this computer that all workers may use together."""
+    from distributed.system import MEMORY_LIMIT
+
+    return int(MEMORY_SHARE * MEMORY_LIMIT)
+
+
+def _too_little(workers: int, memory: str) -> str:
+    return f"must be at least 500 MB for each worker, and {workers} share {memory}"
 
 
 def _number(name: str, value: Any, problems: dict[str, str], *, auto: bool = False) -> float | None:
@@ -86,8 +112,7 @@ def _number(name: str, value: Any, problems: dict[str, str], *, auto: bool = Fal
 
 def _usual(memory: int | None) -> int:
     """One worker for each core, but no more than the memory is enough for."""
-    cores = os.cpu_count() or 1
-    return cores if memory is None else max(1, min(cores, memory // LEAST))
+    return max(1, min(os.cpu_count() or 1, (memory or _of_computer()) // LEAST))
 
 
 def _memory(value: Any, problems: dict[str, str]) -> int | None:
@@ -100,6 +125,6 @@ def _memory(value: Any, problems: dict[str, str]) -> int | None:
     except (ValueError, KeyError):
         found = 0
     if not LEAST <= found <= MOST:
-        problems["memory"] = f"must be at least 500 MB, such as 4GB, got {str(value)[:40]!r}"
+        problems["memory"] = f"must be 500MB to 1000TB, such as 4GB, got {str(value)[:40]!r}"
         return None
     return int(found)

@@ -23,9 +23,8 @@ import psutil
 
 from toolbox.allocation import give_back, keep_memory
 from toolbox.errors import DataError, ParameterError
-from toolbox.tiles.tiling import Tiling
+from toolbox.tiles.tiling import Tiling, memory_of
 
-MEMORY_SHARE = 0.8  # of the memory of this computer, for all workers together
 CONNECT = 10  # seconds
 PULSE = 0.1  # seconds between two looks at the memory of a worker
 PATIENCE = 5.0  # seconds for handing memory back: a loop over millions of points may hold it up
@@ -45,13 +44,6 @@ class Workers(Protocol):
 
     def cancel(self, futures: Iterable[Any]) -> None:
         """Stop tasks, also those that run."""
-
-
-def memory_of(tiling: Tiling) -> int:
-    """Bytes that one worker may use: its share of those of the option, or of this computer's."""
-    from distributed.system import MEMORY_LIMIT
-
-    return int(tiling.memory or MEMORY_SHARE * MEMORY_LIMIT) // tiling.workers
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import laspy
@@ -24,13 +25,15 @@ from filelock import FileLock
 from pyproj import CRS
 
 import toolbox
-from toolbox import PointCloud, Raster, Survey, Vector
+from toolbox import PointCloud, Raster, Survey, Vector, catalog
 from toolbox.context import Context
 from toolbox.data import Lattice
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.tiles import engine
-from toolbox.tiles.tiling import Tiling
-from toolbox.tiles.workers import memory_of, processes
+from toolbox.tiles import tiling as options
+from toolbox.tiles.plan import TilePlan, as_model
+from toolbox.tiles.tiling import LEAST, Tiling, memory_of
+from toolbox.tiles.workers import processes
 
 GIB = 2**30
 MODEL = """
@@ -521,7 +524,8 @@ def test_kill_and_resume_give_the_same_files(model: str, survey: Path, tmp_path:
         ({"tile": "-1"}, "tile: must be a number > 0 or auto, got '-1'"),
         ({"tile": "x"}, "tile: must be"),
         ({"tile": "5", "workers": "1.5"}, "workers: must be a whole number"),
-        ({"tile": "5", "memory": "4 apples"}, "memory: must be at least 500 MB"),
+        ({"tile": "5", "memory": "4 apples"}, "memory: must be 500MB to 1000TB, such as 4GB"),
+        ({"tile": "5", "memory": "1001TB"}, "memory: must be 500MB to 1000TB"),
         (
             {"tile": "5", "memory": "1.4GB", "workers": 3},
             "500 MB for each worker, and 3 share 1.4GB",
@@ -543,8 +547,54 @@ def test_options() -> None:
     made = Tiling.parse({"tile": "auto", "workers": "3", "memory": "1.5GB"})
     assert made == Tiling(None, 3, 1_500_000_000)
     assert memory_of(made) == 500_000_000  # of each worker
+    much = Tiling.parse({"tile": "5", "memory": "10TB", "workers": 2})
+    assert much == Tiling(5.0, 2, 10**13)
     little = Tiling.parse({"tile": "auto", "memory": "500MB"})
     assert little == Tiling(None, 1, 500_000_000)  # however many cores there are
+
+
+@pytest.mark.parametrize("size", [None, 50.0])
+def test_each_worker_has_500_mb_of_this_computer_too(
+    size: float | None, survey: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(options, "_of_computer", lambda: 1_400_000_000)
+    values = {"points": survey, "where": "z < 20", "kept": tmp_path / "k.laz"}
+    problem = "memory: must be at least 500 MB for each worker, and 3 share 1.4 GB"
+    with pytest.raises(ParameterError, match=problem):
+        toolbox.run("points.filter", values, tiling=Tiling(size, 3))
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    assert Tiling.parse({"tile": "auto"}) == Tiling(None, 2)
+
+
+def _of_extent(*sizes: float, count: int) -> Any:
+    """What the choice of a tile asks of a survey that begins at 0, 0, 0."""
+    file = SimpleNamespace(bounds=np.array([(0, 0, 0), sizes]), count=count)
+    return SimpleNamespace(files=[file], count=count, metre=1.0)
+
+
+def test_a_tile_leaves_the_memory_that_libraries_need() -> None:
+    """A worker without points uses 117 MB of its 500."""
+    plan = TilePlan.of(as_model(catalog.load("points.denoise")), {"reach": 3}, ["clean"])
+    (need,) = [step.spec.memory.per_area(100.0) for step in plan.model.steps.values()]
+    size = engine.suitable_size(
+        _of_extent(1e4, 1e4, 10, count=10**10), plan, Tiling(None, 1, LEAST)
+    )
+    tile = need * (size + 2 * plan.halo) ** 2
+    assert 300_000_000 < tile < LEAST - 117_000_000
+
+
+@pytest.mark.parametrize("xyz", [[(5, 5, 5)], [(5, 5, 5), (5, 5, 9)], [(5, 5, 5), (95, 5, 5)]])
+def test_points_in_a_line_have_the_least_tiles(
+    xyz: list[tuple[float, ...]], tiling: Tiling, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """They cover no area, in which their density could be reckoned."""
+    PointCloud(np.array(xyz, float), {}, crs=CRS(32635)).save(tmp_path / "a.laz")
+    values = {"points": tmp_path / "a.laz", "where": "z < 7", "kept": tmp_path / "b.laz"}
+    with caplog.at_level("INFO", "toolbox"):
+        toolbox.run("points.filter", values, tiling=replace(tiling, size=None))
+    assert "tiles of 50 m" in caplog.text
+    assert len(PointCloud.open(tmp_path / "b.laz")) == sum(z < 7 for _, _, z in xyz)
 
 
 def test_what_a_run_leaves_is_arrays_and_json(survey: Path, tiling: Tiling, tmp_path: Path) -> None:

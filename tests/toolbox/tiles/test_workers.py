@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,7 @@ import toolbox
 from toolbox.context import Context
 from toolbox.errors import DataError, ParameterError
 from toolbox.tiles.tiling import Tiling
-from toolbox.tiles.workers import Workers, _Process, processes, workers_of
+from toolbox.tiles.workers import PATIENCE, Workers, _Process, processes, workers_of
 
 GIB = 2**30
 
@@ -163,6 +165,22 @@ def test_memory_that_a_worker_has_freed_or_mapped_is_no_reason_to_stop_it(tmp_pa
     with processes(1, 800 * 2**20) as workers:
         assert workers.submit(frees, workers.share(size)).result() == size // 2 + size // 2**22
         assert workers.submit(maps, workers.share(tmp_path / "file")).result() == 0
+
+
+def test_a_worker_that_hands_no_memory_back_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A loop may keep the thread from running that hands it back, and answers."""
+    clock = [100.0]
+    watch = SimpleNamespace(monotonic=lambda: clock[0])
+    monkeypatch.setattr("toolbox.tiles.workers.time", watch)
+    monkeypatch.setattr("toolbox.tiles.workers._used", lambda pid: GIB + 1)
+    process = _Process(GIB, 1)
+    process._request, _other_end = multiprocessing.Pipe()
+    process._process = SimpleNamespace(pid=0)  # type: ignore[assignment]
+    stops: list[float] = []
+    monkeypatch.setattr(process, "stop", lambda: stops.append(clock[0]))
+    for clock[0] in (100.0, 100.0 + PATIENCE - 0.1, 100.0 + PATIENCE + 0.1):
+        process._check_memory()
+    assert stops == [100.0 + PATIENCE + 0.1]
 
 
 def test_what_cannot_be_sent_is_told(workers: Workers) -> None:

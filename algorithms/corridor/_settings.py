@@ -347,7 +347,8 @@ class Arcs:
     most_shift: float = tried(
         5.0,
         "m",
-        "by which a cut may be moved to where arcs meet, or a support to where its body stands",
+        "by which a cut may be moved to where arcs meet, or a support to where its body stands; so "
+        "far from the ends of a rope insulators hang, not what it carries",
     )
 
 

@@ -863,9 +863,11 @@ def median_of_counts(counts: NDArray[np.integer[Any]]) -> float:
     3.3333333333333335
     >>> median_of_counts(np.array([3, 3, 4, 4, 4]))
     3.6666666666666665
+    >>> median_of_counts(np.array([3, 3, 4, 4]))
+    3.5
     """
-    middle = np.median(counts)
-    below, at = (counts < middle).sum(), max((counts == middle).sum(), 1)
+    middle = np.sort(counts)[(len(counts) - 1) // 2]
+    below, at = (counts < middle).sum(), (counts == middle).sum()
     return float(middle - 0.5 + (len(counts) / 2 - below) / at)
 
 

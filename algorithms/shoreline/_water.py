@@ -278,20 +278,21 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
 
 
 def _tell_steps(cells: CellGrid, found: Sequence[Water]) -> None:
-    """Log where waters meet at different levels: a terrain in which they are laid has a step."""
+    """Log where waters are side by side at other levels: they make steps in a terrain."""
     steps = sorted(_steps(cells, found), key=lambda one: -one.height)
     if steps:
         log.warning(
-            "points: %d pairs of waters meet at different levels, or have less than %.1f m of land "
-            "between them: rapids, a weir, a lock, a dam or a dike. Where they are laid into a "
-            "terrain, it has steps. The largest, of %s, is at %.1f,%.1f: from the %s down to the "
-            "%s",
-            len(steps),
+            "points: waters stand at different levels and meet, or have less than %.1f m of land "
+            "between them, in %d places: rapids, a weir, a lock, a dam or a dike. Where they are "
+            "laid into a terrain, it has steps there. The largest, of %s, is at %.1f,%.1f: from "
+            "the %s down to the %s; steps below %.2f m are not told",
             BESIDE * cells.lattice.cell / cells.metre,
+            len(steps),
             in_unit(cells, steps[0].height, 2),
             *steps[0].place,
             name_of(cells, steps[0].upper),
             name_of(cells, steps[0].lower),
+            DAYS,
         )
 
 

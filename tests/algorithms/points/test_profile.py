@@ -159,8 +159,8 @@ def test_the_scale_fits_a_sheet_in_width_and_in_height() -> None:
 
 
 def drawn(tmp_path: Path, name: str, **more: Any) -> Path:
-    slope().save(tmp_path / "a.laz")
-    line(BEND).save(tmp_path / "axis.gpkg")
+    slope().save(tmp_path / "a.laz", overwrite=True)
+    line(BEND).save(tmp_path / "axis.gpkg", overwrite=True)
     values = {"points": tmp_path / "a.laz", "line": tmp_path / "axis.gpkg", "width": 2.0}
     toolbox.run("points.profile", {**values, "drawing": tmp_path / name, **more}, overwrite=True)
     return tmp_path / name

@@ -73,7 +73,7 @@ def _code(said: str) -> str:
 def missing() -> str:
     """What is said of a language that TOOLBOX_LANG asks for and that has no catalogue; else ""."""
     said = os.environ.get("TOOLBOX_LANG", "")
-    if _code(said) in ("", "c", "posix", "en", *languages()):
+    if not said or _code(said) in ("c", "posix", "en", *languages()):
         return ""
     return f"TOOLBOX_LANG={said}: texts are English; there are only en, {', '.join(languages())}"
 

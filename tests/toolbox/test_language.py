@@ -302,6 +302,7 @@ def test_help_in_turkish_has_its_own_small_letters() -> None:
     [
         ("de", True),
         ("de_AT.UTF-8", True),
+        ("../tr", True),
         ("tr", False),
         ("en_GB", False),
         ("", False),

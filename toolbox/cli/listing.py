@@ -51,7 +51,7 @@ def matching(tools: Sequence[Summary], words: Sequence[str]) -> list[Summary]:
     >>> [tool["id"] for tool in matching(tools, ["dtm"])]
     ['a.c', 'a.b']
     """
-    wanted = [_PLURAL.sub("", word.lower()) for word in words]
+    wanted = [word.lower() for word in words]
 
     def of(tool: Summary, *keys: str) -> str:
         both = tool, language.summary(tool)
@@ -64,8 +64,13 @@ def matching(tools: Sequence[Summary], words: Sequence[str]) -> list[Summary]:
 
 
 def _speaks(text: str, word: str) -> bool:
-    """Whether a word of a text begins so: trees are found by tree, streets are not."""
-    return re.search(rf"(?<![^\W_]){re.escape(word)}", text) is not None
+    """Whether a word of a text begins so, or is one of several: tree finds trees, no streets.
+
+    >>> _speaks("a tree", "trees"), _speaks("its length", "lens")
+    (True, False)
+    """
+    whole = rf"{re.escape(_PLURAL.sub('', word))}(?![^\W_])"
+    return re.search(rf"(?<![^\W_])({re.escape(word)}|{whole})", text) is not None
 
 
 def width_of(stream: IO[str]) -> int | None:

@@ -18,7 +18,7 @@ from toolbox.data.crs import describe_crs, same_crs
 from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
 from toolbox.declare.kinds import find
-from toolbox.errors import DataError
+from toolbox.errors import DataError, ParameterError
 from toolbox.execute import run
 from toolbox.runs import lineage, provenance
 from toolbox.runs.provenance import Input, Record
@@ -56,15 +56,18 @@ def replay(
         The file has no record, was made from layers in memory that no run made, or inputs are
         missing or have changed; the error lists them all.
     ParameterError
-        This version of the toolbox does not know the tool or a parameter of it.
+        This version of the toolbox does not know the tool or a parameter of it, or a folder is
+        not there.
     """
     path = Path(path)
+    given = (inputs,) if isinstance(inputs, Path) else tuple(inputs)
+    if lost := [str(one) for one in given if not one.is_dir()]:
+        raise ParameterError("replay", {"inputs": f"there is no folder {', '.join(lost)}"})
     record = provenance.read(path)
     if record is None:
         raise DataError(f"{path} carries no record of how it was made")
     if record.version != __version__:
         log.warning("%s was made by version %s; this is %s", path, record.version, __version__)
-    given = (inputs,) if isinstance(inputs, Path) else tuple(inputs)
     finder = _Finder(path.absolute().parent, given)
     last = finder.last(record, ctx.part(0, FIND))
     tool = last.tool

@@ -187,7 +187,7 @@ class Field:
             raise
         except (ValueError, TypeError) as err:
             comma = isinstance(value, str) and COMMA.fullmatch(value.strip())
-            why = "" if self.kind.plain else f": {err}"
+            why = "" if self.kind.plain or not str(err) else f": {err}"
             if self.kind.word == "number" and comma:
                 why = f"; did you mean {value.strip().replace(',', '.')}?"
             elif self.unit == "m" and self.kind.word == "number" and str(value)[:1].isdigit():

@@ -6,7 +6,7 @@ import math
 import numbers
 import re
 from collections.abc import Iterable
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from toolbox.data.asprs import CLASSES as CLASSES_OF_LAS
 
 CLASSES = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
+BYTES = (bytes, bytearray, memoryview)
 HIGHEST_CLASS = 255  # ASPRS LAS 1.4: one byte
 
 
@@ -38,7 +39,7 @@ class ClassList(tuple[int, ...]):
         return super().__new__(cls, found)
 
     @classmethod
-    def parse(cls, value: str | int | Iterable[int]) -> Self:
+    def parse(cls, value: str | int | Iterable[int] | NDArray[Any]) -> Self:
         """Read classes and ranges of classes from a text, or classes from a number or a list.
 
         >>> ClassList.parse("2,9,14-16") == ClassList.parse([9, 2, 14, 15, 16])
@@ -49,8 +50,10 @@ class ClassList(tuple[int, ...]):
         ValueError
             There is none, or one is not a whole number between 0 and 255.
         """
+        if isinstance(value, np.ndarray):
+            value = value.ravel().tolist()  # also of an array of one number without a shape
         if not isinstance(value, str):
-            return cls(map(whole, value if isinstance(value, Iterable) else [value]))
+            return cls(map(whole, _items(value)))
         classes: list[int] = []
         for item in map(str.strip, value.split(",")):
             found = CLASSES.fullmatch(item)
@@ -234,12 +237,17 @@ def whole(value: object) -> int:
     raise ValueError(f"{value!r} is no whole number")
 
 
+def _items(value: Any) -> Iterable[Any]:
+    """The items of a list; bytes have none, as these would be the codes of their letters."""
+    return value if isinstance(value, Iterable) and not isinstance(value, BYTES) else [value]
+
+
 def _numbers(value: str | Iterable[float], count: int) -> list[float]:
     """Read so many finite numbers from a text or a list."""
     if isinstance(value, str):
         items: Iterable[str | float] = re.split(r"[,;\s]+", value.strip(" []()"), maxsplit=count)
     else:
-        items = value
+        items = _items(value)
     found = [float(item) for item in items]
     if len(found) != count:
         raise ValueError(f"needs {count} numbers, got {len(found)}")

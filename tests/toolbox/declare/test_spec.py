@@ -111,6 +111,16 @@ def test_wrong_values_are_refused_by_name(name: str, value: Any) -> None:
         SPEC.build({"points": cloud()} | {name: value})
 
 
+def test_what_is_no_text_is_refused_without_a_colon_at_the_end() -> None:
+    with pytest.raises(ParameterError) as caught:
+        SPEC.build({"points": cloud(), "column": 5, "where": 5, "classes": b"2"})
+    assert caught.value.problems == {
+        "column": "must be an attribute, got 5",
+        "where": "must be an expression, got 5",
+        "classes": "must be a class list, got b'2': b'2' is no whole number",
+    }
+
+
 def test_numpy_numbers_are_numbers() -> None:
     job = ToyMeasure(points=cloud(), width=np.float32(2), count=np.int64(3))  # type: ignore[arg-type]
     assert job.run().inside == 2

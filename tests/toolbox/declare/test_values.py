@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -33,6 +34,18 @@ def test_class_list_round_trip(classes: set[int]) -> None:
 def test_class_list_refuses(text: str) -> None:
     with pytest.raises(ValueError, match=r"is no class|is not a range"):
         ClassList.parse(text)
+
+
+def test_class_list_of_arrays_and_bytes() -> None:
+    assert ClassList.parse(np.array(2)) == ClassList.parse(np.uint8(2)) == (2,)
+    assert ClassList.parse(np.array([9, 2], np.uint8)) == (2, 9)
+    for value in (b"2,9", bytearray(b"2,9")):  # which were 44, 50 and 57
+        with pytest.raises(ValueError, match="is no whole number"):
+            ClassList.parse(value)
+    with pytest.raises(ValueError, match="needs 2 numbers"):
+        Position.parse(b"12")
+    with pytest.raises(ValueError, match=r"2\.5 is no whole number"):
+        ClassList.parse(np.array(2.5))
 
 
 @given(finite, finite)

@@ -224,6 +224,9 @@ def test_inputs_are_found_below_a_folder_by_their_content(folder: Path) -> None:
     shutil.move(folder / "a.laz", folder / "x" / "y" / "a.laz")
     cloud(3).save(folder / "x" / "a.laz")  # another one of the same name
     assert replay(path, inputs=folder / "x") == []
+    for lost in (folder / "z", folder / "x" / "a.laz"):
+        with pytest.raises(ParameterError, match=f"inputs: there is no folder {lost}"):
+            replay(path, inputs=[folder / "x", lost])
     with pytest.raises(DataError, match=r"no file a\.laz in"):
         replay(path)
 

@@ -135,9 +135,6 @@ class Reading:
     def check_unchanged(self, paths: Iterable[Path] | None = None) -> None:
         """Raise an error if files are not any more what they were before they were read.
 
-        Other contents may have the same size and even the same time; so a file of which the system
-        says anything else than before is hashed again. One that is gone was needed no longer.
-
         Parameters
         ----------
         paths : the files to look at; all unless given
@@ -147,9 +144,21 @@ class Reading:
         DataError
             Names the files.
         """
+        if changed := self.changed(paths):
+            raise DataError(f"{', '.join(map(str, changed))} {CHANGED}")
+
+    def changed(self, paths: Iterable[Path] | None = None) -> list[Path]:
+        """Files that are not any more what they were before they were read.
+
+        Other contents may have the same size and even the same time; so a file of which the system
+        says anything else than before is hashed again. One that is gone was needed no longer.
+
+        Parameters
+        ----------
+        paths : the files to look at; all unless given
+        """
         known = self.states if paths is None else {*paths} & self.states.keys()
-        if changed := [str(path) for path in sorted(known) if self._has_changed(path)]:
-            raise DataError(f"{', '.join(changed)} {CHANGED}")
+        return [path for path in sorted(known) if self._has_changed(path)]
 
     def _has_changed(self, path: Path) -> bool:
         before = self.states[path]

@@ -28,7 +28,7 @@ from toolbox.models.model import Model, Runner, leading_steps, run_tool
 from toolbox.reports.page import Told, told_by
 from toolbox.runs import origins
 from toolbox.runs.origins import Origin
-from toolbox.runs.provenance import Count, Entry, Input, Record, plain, read
+from toolbox.runs.provenance import Count, Entry, Input, Record, plain, read, with_room
 from toolbox.runs.source import Source, Sources
 from toolbox.runs.target import Target
 
@@ -290,7 +290,7 @@ def remember(
     before = tuple(s.origin for items in kept.values() for s in items if s.origin)
 
     def record(output: str, number: int | None, crs: str) -> Record:
-        reading.check_unchanged()
+        origins.check_unchanged(reading)
         whole = replace(describe(kept, reading), counts=tuple(counts))
         return replace(whole.of(output, None, {}, number), crs=crs)
 
@@ -299,7 +299,7 @@ def remember(
         for number, layer in enumerate(value if several else [value], start=1):
             if isinstance(layer, Layer):
                 which = (name, number if several else None, crs_text(layer.crs))
-                origins.remember(layer, Origin("", partial(record, *which), before))
+                origins.remember(layer, Origin(partial(record, *which), before))
 
 
 def _described(
@@ -364,9 +364,9 @@ def _ancestors(
         except DataError as error:
             log.warning("%s; how it was made is not passed on", error)
     known = {key: record for key, record in records.items() if record is not None}
-    near: dict[str, Entry] = {key: record.entry() for key, record in known.items()}
-    far: dict[str, Entry] = {}
+    found: dict[str, Entry] = {key: record.entry() for key, record in known.items()}
     for record in known.values():
-        far |= {key: entry for key, entry in record.ancestors.items() if key not in far}
-    omitted = max((record.omitted for record in known.values()), default=0)
-    return near | {key: entry for key, entry in far.items() if key not in near}, omitted
+        found |= {key: entry for key, entry in record.ancestors.items() if key not in found}
+    kept = with_room(found)
+    lost = (len({*one.ancestors} - {*kept}) + one.omitted for one in known.values())
+    return kept, max(len(found) - len(kept), *lost, 0)

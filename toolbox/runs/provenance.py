@@ -151,20 +151,16 @@ class Record:
 
     def entry(self) -> dict[str, Any]:
         """The record as JSON values, without its ancestors."""
-        values = dataclasses.asdict(self)
+        values = dataclasses.asdict(dataclasses.replace(self, ancestors={}, leads={}))
         for name in ("version", "ancestors", "omitted", "leads", *(() if self.qgis else ("qgis",))):
             values.pop(name)
         return {MEMBER: self.version, **plain(values)}
 
     def to_json(self) -> str:
         """The record as one line of ASCII; of too long ones the oldest ancestors are left out."""
-        kept, omitted = dict(self.ancestors), self.omitted
-        sizes = {key: len(_dumps({key: entry})) for key, entry in kept.items()}
-        total = len(_dumps(self.entry())) + sum(sizes.values()) + 100  # with what stands around
-        while kept and total > LONGEST:
-            key, _ = kept.popitem()
-            total -= sizes[key]
-            omitted += 1
+        own = len(_dumps(self.entry())) + 100  # with what stands around
+        kept = with_room(self.ancestors, LONGEST - own)
+        omitted = self.omitted + len(self.ancestors) - len(kept)
         return _dumps(self.entry() | {"ancestors": kept, "omitted": omitted})
 
     @classmethod
@@ -206,6 +202,22 @@ class Record:
     def text(self) -> str:
         """The record as text to read."""
         return "\n".join(_words(self))
+
+
+def with_room(ancestors: Mapping[str, Entry], room: int = LONGEST) -> dict[str, Entry]:
+    """The first ancestors, as many as have room.
+
+    Parameters
+    ----------
+    room : bytes for their text
+    """
+    kept = {}
+    for key, entry in ancestors.items():
+        room -= len(_dumps({key: entry}))
+        if room < 0:
+            break
+        kept[key] = entry
+    return kept
 
 
 def read(path: str | Path, reading: Reading | None = None) -> Record | None:
@@ -290,7 +302,8 @@ def _named(item: Input) -> str:
     size = "" if item.bytes is None else f", {item.bytes} bytes"
     several = f" ({item.files} files)" if item.files > 1 else ""
     options = f", {_dumps(item.options)}" if item.options else ""
-    return f"{item.file}{several}{size}, sha256 {item.sha256}{options}"
+    digest = f"sha256 {item.sha256}" if item.sha256 else "made of what has changed since"
+    return f"{item.file}{several}{size}, {digest}{options}"
 
 
 def _file_names(record: Record) -> dict[str, str]:

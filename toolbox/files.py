@@ -145,7 +145,7 @@ def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:
     if folders := [own for own in there if own.is_dir()]:
         return f"{folders[0]} is a folder"
     if there and not overwrite:
-        return f"{there[0]} exists; allow it with --overwrite"
+        return f"{there[0]} exists; allow it with overwrite=True"
     return None
 
 

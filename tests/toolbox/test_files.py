@@ -66,7 +66,7 @@ def test_a_name_of_another_raster_says_how_it_is_made(tmp_path: Path) -> None:
 def test_existing_file_needs_overwrite(tmp_path: Path) -> None:
     path = tmp_path / "old.laz"
     path.write_text("old")
-    assert "--overwrite" in str(check(path))
+    assert "overwrite=True" in str(check(path))
     assert check(path, overwrite=True) is None
 
 

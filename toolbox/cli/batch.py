@@ -14,7 +14,7 @@ from typing import Any
 from toolbox import files
 from toolbox.cli import arguments, history
 from toolbox.cli.arguments import is_layer
-from toolbox.cli.console import exit_code
+from toolbox.cli.console import as_options, exit_code
 from toolbox.context import Context, log
 from toolbox.data import Table
 from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError, nearest
@@ -199,7 +199,7 @@ def _is_points(says: Mapping[str, Any]) -> bool:
 
 def _message(err: Exception) -> str:
     """The text of an error in one line."""
-    text = str(err) if isinstance(err, ToolboxError) else f"{type(err).__name__}: {err}"
+    text = as_options(str(err)) if isinstance(err, ToolboxError) else f"{type(err).__name__}: {err}"
     return "; ".join(line.strip() for line in text.splitlines())
 
 

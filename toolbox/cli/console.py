@@ -26,6 +26,7 @@ _LARGE = 100.0  # m2 or m3, of which a whole one is at most a hundredth
 _BAR = 60  # characters of the progress bar with its time
 _AS_OPTIONS = (  # what errors call by its name in Python, and how the command line writes it
     (re.compile(r"(?<![-\w])assume_crs\b(?!:)"), "--assume-crs"),
+    (re.compile(r"\boverwrite=True\b"), "--overwrite"),
     (re.compile(r"(?m)^(  (\w+): .*)the option reproject="), r"\1--\2.reproject "),
 )
 LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEBUG}
@@ -315,6 +316,8 @@ def as_options(text: str) -> str:
     --------
     >>> as_options("a.laz has no CRS; state it with assume_crs EPSG:...")
     'a.laz has no CRS; state it with --assume-crs EPSG:...'
+    >>> as_options("a.laz exists; allow it with overwrite=True")
+    'a.laz exists; allow it with --overwrite'
     """
     for known, option in _AS_OPTIONS:
         text = known.sub(option, text)

@@ -152,7 +152,9 @@ def _write(
         {option: path}, {option: suffixes}, {option: files.itself}, [], overwrite=bool(overwrite)
     )
     if overwrite is None:
-        found = {n: says.removesuffix("; allow it with --overwrite") for n, says in found.items()}
+        found = {
+            n: says.removesuffix("; allow it with overwrite=True") for n, says in found.items()
+        }
     if found:
         raise ParameterError(f"model {args.what}", found)
     try:

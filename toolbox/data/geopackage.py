@@ -7,6 +7,10 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from toolbox.data.reading import errors_named
+from toolbox.errors import ParameterError
+from toolbox.files import OwnFiles, refuse_to_replace
+
 SUFFIX = ".gpkg"
 DAY = "2000-01-01"  # said by every file; with the day of the run, no two would be the same
 WRITTEN = f"{DAY}T00:00:00.000Z"
@@ -57,16 +61,46 @@ def add_style(path: Path, layer: str, qml: str) -> None:
         database.execute(row, (layer, layer, layer, qml, WRITTEN))
 
 
-def lacks(path: Path, layer: str) -> bool:
-    """Whether a path is that of a GeoPackage, there or not, without a table of this name."""
-    if path.suffix.lower() != SUFFIX or not path.exists():
-        return path.suffix.lower() == SUFFIX
-    query = "SELECT 1 FROM gpkg_contents WHERE lower(table_name) = lower(?)"
-    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
-        try:
-            return database.execute(query, (layer,)).fetchone() is None
-        except sqlite3.Error:  # another kind of file
-            return False
+def as_stored(path: Path, layer: str) -> str | None:
+    """The name of a table of a GeoPackage, whose letters may be small or large; None without it.
+
+    Raises
+    ------
+    DataError
+        There is another kind of file.
+    """
+    query = "SELECT table_name FROM gpkg_contents WHERE lower(table_name) = lower(?)"
+    with errors_named(f"{path} cannot be read as a GeoPackage"):
+        if not path.exists():
+            return None
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            row = database.execute(query, (layer,)).fetchone()
+    return str(row[0]) if row else None
+
+
+def name_to_write(
+    path: Path, layer: str | None, own_files: OwnFiles, *, add: bool, overwrite: bool
+) -> str:
+    """The name of a layer to write to a file, if that, or the layer in it, may be replaced.
+
+    A layer that is added to a GeoPackage has the name of the one that it replaces, as spelt there.
+
+    Raises
+    ------
+    ParameterError
+        There is the file or, with `add`, a layer of this name.
+    DataError
+        A layer cannot be added to what is there, or no file can be there.
+    """
+    name = layer or path.stem
+    if not add or path.suffix.lower() != SUFFIX:
+        refuse_to_replace(path, own_files, overwrite=overwrite)
+        return name
+    stored = as_stored(path, name)
+    if stored and not overwrite:
+        text = f"layer {stored} of {path} exists; allow it with overwrite=True beside add=True"
+        raise ParameterError(text)
+    return stored or name
 
 
 def description(path: Path, layer: str) -> str:

@@ -20,7 +20,7 @@ from toolbox.data.reading import errors_named
 from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
 from toolbox.data.remote.address import as_path
 from toolbox.errors import DataError
-from toolbox.files import followed, refuse_to_replace
+from toolbox.files import followed
 
 if TYPE_CHECKING:  # of which most tools have no need; it takes long to import
     import pandas as pd
@@ -176,13 +176,12 @@ class Table(Layer):
         path = followed(path)
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: tables are written as {', '.join(self.SUFFIXES)}")
-        adds = add and geopackage.lacks(path, layer or path.stem)
-        refuse_to_replace(path, self.own_files, overwrite=overwrite or adds)
+        name = geopackage.name_to_write(path, layer, self.own_files, add=add, overwrite=overwrite)
         if rounded is None:
             rounded = path.suffix.lower() == ".csv" and unit_column(self.frame) is not None
         table = Table(rounding.rounded(self.frame)) if rounded else self
         try:
-            table_files.write(table, path, layer, add=add)
+            table_files.write(table, path, name, add=add)
             if side_car(path):
                 write_beside(path, record)
             elif record:

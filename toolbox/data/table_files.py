@@ -29,7 +29,7 @@ def read(path: Path, layer: str | None) -> pd.DataFrame:
     return readers[path.suffix.lower()](path)
 
 
-def write(table: Table, path: Path, layer: str | None, *, add: bool) -> None:
+def write(table: Table, path: Path, layer: str, *, add: bool) -> None:
     """Write a table to a file; ValueError if its format cannot hold a value."""
     if path.suffix.lower() == geopackage.SUFFIX:
         _write_geopackage(table.frame, path, layer, add=add)
@@ -149,16 +149,14 @@ def _write_parquet(table: Table, path: Path) -> None:
     frame.assign(**{str(n): c for n, c in texts.items()}).to_parquet(path, index=False)
 
 
-def _write_geopackage(frame: pd.DataFrame, path: Path, layer: str | None, *, add: bool) -> None:
+def _write_geopackage(frame: pd.DataFrame, path: Path, layer: str, *, add: bool) -> None:
     import pyogrio
 
     refuse_zero_bytes(frame, path)
     for old in () if add else geopackage.own_files(path):
         old.unlink(missing_ok=True)
     with geopackage.same_date(), _library_errors():
-        pyogrio.write_dataframe(
-            frame, path, layer=layer or path.stem, driver="GPKG", **geopackage.OPTIONS
-        )
+        pyogrio.write_dataframe(frame, path, layer=layer, driver="GPKG", **geopackage.OPTIONS)
 
 
 def _read_geopackage(path: Path, layer: str | None) -> pd.DataFrame:

@@ -57,7 +57,7 @@ from toolbox.data.record import (
 from toolbox.data.remote.address import as_path
 from toolbox.data.table import Table
 from toolbox.errors import DataError
-from toolbox.files import followed, refuse_to_replace
+from toolbox.files import followed
 
 if TYPE_CHECKING:
     import geopandas
@@ -332,8 +332,7 @@ class Vector(Layer):
         suffix = _suffix_of(path)
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: vector layers are written as {', '.join(self.SUFFIXES)}")
-        adds = add and geopackage.lacks(path, layer or path.stem)
-        refuse_to_replace(path, self.own_files, overwrite=overwrite or adds)
+        name = geopackage.name_to_write(path, layer, self.own_files, add=add, overwrite=overwrite)
         local = self.crs if self.crs is not None and is_local(self.crs) else None
         if local is not None and suffix not in (geopackage.SUFFIX, ".parquet"):
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(local))
@@ -345,16 +344,16 @@ class Vector(Layer):
             for old in () if add else self.own_files(path):  # or GDAL would add a layer to them
                 old.unlink(missing_ok=True)
             if suffix == ".kml":
-                bare = kmz.named(bare, layer or path.stem)
+                bare = kmz.named(bare, name)
             if suffix in _DRIVERS:
                 said = local.name if local else ""
-                _write(bare, path, layer or path.stem, self.geometry_type, said, qml)
+                _write(bare, path, name, self.geometry_type, said, qml)
             elif suffix == kmz.SUFFIX:
-                kmz.write(bare, path, layer or path.stem, headings)
+                kmz.write(bare, path, name, headings)
             else:
-                self._write_otherwise(frame, path, layer or path.stem, rounded=rounded)
+                self._write_otherwise(frame, path, name, rounded=rounded)
             if suffix == ".kml":
-                kmz.dress(path, bare, layer or path.stem, headings)
+                kmz.dress(path, bare, name, headings)
             if side_car(path):
                 write_beside(path, record)
             elif record:

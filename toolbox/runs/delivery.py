@@ -118,7 +118,8 @@ def problems(
     if there and not overwrite:
         more = f" and {len(set(there)) - 1} more" if len(set(there)) > 1 else ""
         verb = "exist" if more else "exists"
-        return {DELIVER: f"{there[0]}{more} {verb} in {_folder(made)}; allow it with --overwrite"}
+        text = f"{there[0]}{more} {verb} in {_folder(made)}; allow it with overwrite=True"
+        return {DELIVER: text}
     found = targets.problems(made, reads, overwrite=overwrite)
     return {DELIVER: next(iter(found.values()))} if found else {}
 

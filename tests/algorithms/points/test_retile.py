@@ -152,7 +152,7 @@ def test_text_files_get_the_steps_of_all_points(tmp_path: Path) -> None:
 def test_earlier_tiles_are_replaced_with_the_index(folder: Path) -> None:
     retile(folder)
     before = set((folder / "out").iterdir())
-    with pytest.raises(ParameterError, match="exists; allow it with --overwrite"):
+    with pytest.raises(ParameterError, match="exists; allow it with overwrite=True"):
         retile(folder, side=70.0)
     assert set((folder / "out").iterdir()) == before
     index = retile(folder, side=70.0, overwrite=True)

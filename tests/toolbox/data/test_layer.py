@@ -166,10 +166,20 @@ def test_a_layer_is_added_to_a_geopackage_but_replaces_none(name: str, tmp_path:
     path = tmp_path / "a.gpkg"
     LAYERS[name].save(path, layer="one")
     LAYERS[name].save(path, layer="two", add=True)
-    with pytest.raises(ParameterError, match="exists"):
+    with pytest.raises(ParameterError, match=r"layer two of .*a\.gpkg exists; .* beside add=True"):
         LAYERS[name].save(path, layer="Two", add=True)
-    LAYERS[name].save(path, layer="two", add=True, overwrite=True)
-    assert len(Vector.layers(path)) + len(Table.layers(path)) == 2
+    LAYERS[name].save(path, layer="Two", add=True, overwrite=True)
+    layers = Vector.layers(path) if name == "squares" else Table.layers(path)
+    assert sorted(layers) == ["one", "two"]  # the one replaced keeps its name
+
+
+@pytest.mark.parametrize("name", ["squares", "rows"])
+def test_a_layer_is_added_to_no_other_kind_of_file(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.gpkg"
+    path.write_text("notes")
+    with pytest.raises(DataError, match=r"a\.gpkg cannot be read as a GeoPackage"):
+        LAYERS[name].save(path, add=True, overwrite=True)
+    assert path.read_text() == "notes"
 
 
 @pytest.mark.parametrize(

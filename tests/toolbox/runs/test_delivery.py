@@ -245,7 +245,9 @@ def test_a_set_replaces_the_files_of_its_last_one_alone(
     sums = {f"{hashlib.sha256(content).hexdigest()}  {name}" for name, content in tree(out).items()}
     missing = sums - {*(out / "README.txt").read_text().splitlines()}
     assert [line.partition("  ")[2] for line in missing] == ["README.txt"]
-    with pytest.raises(ParameterError, match=r"deliver: .* exist in .*; allow it with --overwrite"):
+    with pytest.raises(
+        ParameterError, match=r"deliver: .* exist in .*; allow it with overwrite=True"
+    ):
         toolbox.run(model, values)
     (out / "notes.txt").write_text("stay")
     (out / "top.tif.aux.xml").write_text("what a GIS has made to show it")

@@ -185,7 +185,7 @@ def test_a_folder_gets_a_file_for_each_file_with_its_own_header(
         np.testing.assert_array_equal(found.xyz, alone.xyz)
         np.testing.assert_array_equal(found["intensity"], alone["intensity"])
         assert header(out / path.name).uuid == header(path).uuid
-    with pytest.raises(ParameterError, match="exists; allow it with --overwrite"):
+    with pytest.raises(ParameterError, match="exists; allow it with overwrite=True"):
         toolbox.run("points.filter", values, tiling=tiling)
 
 

@@ -637,7 +637,7 @@ def test_planes_have_their_colours_and_walls_are_seen_from_the_front(tmp_path: P
     assert not isinstance(image.key, Ramp)
     assert [name for name, _ in image.key.values()] == ["Plane 1", "Plane 2"]
     shown = image.rgba[..., 3] > 0
-    blue = shown & (image.rgba[..., 2] > image.rgba[..., 0])  # of plane 1, the other one is orange
+    blue = shown & (image.rgba[..., 2] > image.rgba[..., 1])  # of plane 1, the other one is green
     aside, above = np.radians([25, 20])  # of the eye
     seen = 50 * np.cos(aside) * np.cos(above) / (80 * np.sin(above))
     assert blue.sum() / (shown & ~blue).sum() == pytest.approx(seen, rel=0.1)

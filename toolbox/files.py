@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from toolbox import moves
 from toolbox.context import log
-from toolbox.errors import DataError, ParameterError, ToolboxError
 
 if sys.platform == "win32":
     fcntl = None
@@ -92,50 +91,6 @@ def _wrong_format(path: Path, suffixes: tuple[str, ...]) -> str | None:
         made = f"{path.stem}.tif {path.name}"
         return f"{text}, of which a GIS makes other formats: gdal_translate {made}"
     return text
-
-
-def followed(path: str | Path) -> Path:
-    """The path of the file to write: the one given or, if that is a link, where it leads.
-
-    Raises
-    ------
-    DataError
-        The path is a circular link, or no file can be there.
-    """
-    path = Path(path)
-    with _told_of(path):
-        resolved = path.resolve()
-        return resolved if path.is_symlink() else path
-
-
-def refuse_to_replace(path: Path, own_files: OwnFiles, *, overwrite: bool) -> None:
-    """Raise an error if one of the files of a path is there, and may not be replaced.
-
-    Raises
-    ------
-    ParameterError
-        Names the file and the option.
-    DataError
-        No file can be there.
-    """
-    if overwrite:
-        return
-    with _told_of(path):
-        there = next((own for own in own_files(path) if own.exists()), None)
-    if there:
-        raise ParameterError(f"{there} exists; allow it with overwrite=True")
-
-
-@contextmanager
-def _told_of(path: Path) -> Iterator[None]:
-    """Turn what the system says of a path to write into a DataError that names it."""
-    try:
-        yield
-    except ToolboxError:
-        raise
-    except (OSError, RuntimeError, ValueError) as err:
-        reason = getattr(err, "strerror", None) or err
-        raise DataError(f"{path} cannot be written: {reason}") from err
 
 
 def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:

@@ -40,9 +40,7 @@ class Points:
         0.4, "m", "height above the ground from which a point can be of a tower"
     )
     company_side: float = surveyed(
-        2.0,
-        "m",
-        "in which points have others, along a wire and in plan; half of it up",
+        2.0, "m", "in which points have others, along a wire and in plan; half of it up"
     )
     company_share: float = tried(
         0.9, "1", "share of the points with such company, from which the others are errors"
@@ -71,9 +69,7 @@ class Trace:
     )
     shortest_curve: float = tried(10.0, "m", "length of a curve that is kept")
     seed_reach: float = tried(
-        6.0,
-        "m",
-        "to both sides of a seed, of the straight piece in which a wire begins",
+        6.0, "m", "to both sides of a seed, of the straight piece in which a wire begins"
     )
     steepest: float = built(0.7, "m / m", "rise over run of a wire")
     least_seed: float = tried(3.5, "m", "of the straight piece with points, where a wire may begin")

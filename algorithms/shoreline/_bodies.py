@@ -958,26 +958,17 @@ def _flat(cells: CellGrid, some: Ints, heights: Floats, waves: float) -> bool:
 
 def _two_levels(cells: CellGrid, some: Ints, heights: Floats, waves: float) -> bool:
     """Whether heights at cells are of two flat parts side by side, as of flights on two days."""
-    upper = above_and_below(cells, some, heights)
+    smooth = smoothed(cells, some, heights)
+    upper = smooth >= otsu_threshold(smooth)
     for part in (upper, ~upper):
-        if part.sum() < KNOWN or not in_one_piece(cells, some[part]):
+        labels, _ = ndimage.label(window(cells.lattice, some[part], 0)[1])
+        of_one = np.bincount(labels.ravel())[1:].max(initial=0)
+        if part.sum() < KNOWN or of_one < COMPACT * part.sum():
             return False
         if not _flat(cells, some[part], heights[part], waves):
             return False
     apart = float(heights[upper].mean() - heights[~upper].mean())
     return apart <= DROP * cells.metre
-
-
-def in_one_piece(cells: CellGrid, some: Ints) -> bool:
-    """Whether most of some cells are connected."""
-    labels, _ = ndimage.label(window(cells.lattice, some, 0)[1])
-    return bool(np.bincount(labels.ravel())[1:].max(initial=0) >= COMPACT * len(some))
-
-
-def above_and_below(cells: CellGrid, some: Ints, heights: Floats) -> Mask:
-    """Which cells are on the upper one of two levels, by heights without waves."""
-    smooth = smoothed(cells, some, heights)
-    return np.asarray(smooth >= otsu_threshold(smooth))
 
 
 def smoothed(cells: CellGrid, some: Ints, heights: Floats) -> Floats:

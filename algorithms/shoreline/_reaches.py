@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from algorithms.shared.otsu import otsu_threshold
 from algorithms.shoreline._bodies import (
     COMPACT,
     LEVEL,
     Body,
     CellGrid,
-    above_and_below,
     core_of,
     fit,
     smoothed,
@@ -48,18 +48,20 @@ def reaches(cells: CellGrid, body: Body, least: int, most: float) -> list[Body]:
     """
     core = core_of(cells, body.cells)
     core = core[np.isfinite(cells.middle.ravel()[core])]
-    if len(core) < 2 * least or _from_plane(cells, core) <= most:
+    if len(core) < 2 * least:
         return [body]
-    upper = above_and_below(cells, core, cells.middle.ravel()[core])
+    heights = smoothed(cells, core, cells.middle.ravel()[core])
+    if _from_plane(cells, core, heights) <= most:
+        return [body]
+    upper = heights >= otsu_threshold(heights)
     pieces = [piece for part in (upper, ~upper) for piece in _pieces(cells, core[part], least)]
     if sum(len(piece) for piece in pieces) < COMPACT * len(core):
         return [body]
     return [_reach(cells, body, part) for part in _nearest(cells, body.cells, pieces)]
 
 
-def _from_plane(cells: CellGrid, core: Ints) -> float:
-    """By how much heights without waves differ from a plane."""
-    heights = smoothed(cells, core, cells.middle.ravel()[core])
+def _from_plane(cells: CellGrid, core: Ints, heights: Floats) -> float:
+    """By how much heights at cells differ from a plane."""
     level, tilt = fit(cells, core, heights)
     off = heights - level - tilt.at(core // cells.lattice.cols, core % cells.lattice.cols)
     return float(np.ptp(np.percentile(off, ENDS)))

@@ -19,8 +19,8 @@ from toolbox.data.crs import crs_of, metres_per_unit, short_height_unit
 from toolbox.data.layer import Layer, text_array
 from toolbox.data.reading import errors_named
 from toolbox.data.record import CHUNK, own_side_car, side_car, write_beside
+from toolbox.data.writing import followed, refuse_to_replace
 from toolbox.errors import DataError
-from toolbox.files import followed, refuse_to_replace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

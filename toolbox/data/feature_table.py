@@ -109,12 +109,16 @@ def _frame(path: Path) -> pd.DataFrame:
     from toolbox.data import table_files  # and pandas, which only tables need
 
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        header = _QUOTED.sub("", file.readline())
-    marks = [mark for mark in ",;\t" if mark in header]
+        marks = _marks(file.readline(), ",;\t")
     if not marks or marks[0] == ",":
         return Table.open(path).frame
     with errors_named(f"{path} cannot be read"):
         return _with_points(path, partial(table_files.read_csv, path, marks[0]))
+
+
+def _marks(line: str, known: str) -> list[str]:
+    """Which of some marks part the columns of a line, in their order."""
+    return [mark for mark in known if mark in _QUOTED.sub("", line)]
 
 
 def _named(path: Path, names: Sequence[str]) -> pd.DataFrame:
@@ -124,7 +128,7 @@ def _named(path: Path, names: Sequence[str]) -> pd.DataFrame:
 
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         line = file.readline().rstrip("\r\n")
-    mark = next((mark for mark in ";\t," if mark in _QUOTED.sub("", line)), ",")
+    mark = [*_marks(line, ";\t,"), ","][0]
     cells = next(csv.reader([line], delimiter=mark), [])
     if len(cells) != len(names):
         raise DataError(f"{path}: {len(cells)} columns, and {len(names)} names for them")

@@ -8,8 +8,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from toolbox.data.reading import errors_named
+from toolbox.data.writing import refuse_to_replace
 from toolbox.errors import ParameterError
-from toolbox.files import OwnFiles, refuse_to_replace
+from toolbox.files import OwnFiles
 
 SUFFIX = ".gpkg"
 DAY = "2000-01-01"  # said by every file; with the day of the run, no two would be the same

@@ -37,8 +37,8 @@ from toolbox.data.layer import Inside, Layer
 from toolbox.data.paths import COPC, LAS, TEXT, Paths, PointFiles, suffix_of
 from toolbox.data.reading import Reading
 from toolbox.data.record import own_side_car
+from toolbox.data.writing import followed, refuse_to_replace
 from toolbox.errors import DataError, nearest
-from toolbox.files import followed, refuse_to_replace
 
 if TYPE_CHECKING:
     import pandas as pd

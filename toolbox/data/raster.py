@@ -35,8 +35,8 @@ from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named, need_memory
 from toolbox.data.record import ITEM, checked
 from toolbox.data.remote.address import as_path
+from toolbox.data.writing import followed, refuse_to_replace
 from toolbox.errors import DataError
-from toolbox.files import followed, refuse_to_replace
 
 STRIP = 256  # rows that are written at a time; one row of tiles of the file
 _COMPRESSED = {"compress": "deflate", "bigtiff": "if_safer"}

@@ -23,8 +23,8 @@ from toolbox.data.pointcloud import PointCloud
 from toolbox.data.reading import errors_named
 from toolbox.data.record import with_record, write_beside
 from toolbox.data.survey import Survey, SurveyFile
+from toolbox.data.writing import followed, refuse_to_replace
 from toolbox.errors import DataError
-from toolbox.files import followed, refuse_to_replace
 
 MARGIN = "tile_margin"
 """Attribute that is 1 for the points of a tile that are the own of a neighbour, else 0."""

@@ -24,8 +24,8 @@ from toolbox.data.paths import LAS, Paths, PointFiles, suffix_of
 from toolbox.data.pointcloud import PointCloud
 from toolbox.data.reading import CHANGED, Reading, errors_named, state
 from toolbox.data.record import own_side_car, write_beside
+from toolbox.data.writing import followed, refuse_to_replace
 from toolbox.errors import DataError
-from toolbox.files import followed, refuse_to_replace
 
 _DATED = 20  # files that are asked for the day of the survey
 _BATCH = 1_000_000  # points that are read at a time to find their bounds

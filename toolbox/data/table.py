@@ -19,8 +19,8 @@ from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named
 from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
 from toolbox.data.remote.address import as_path
+from toolbox.data.writing import followed
 from toolbox.errors import DataError
-from toolbox.files import followed
 
 if TYPE_CHECKING:  # of which most tools have no need; it takes long to import
     import pandas as pd

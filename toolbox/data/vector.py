@@ -56,8 +56,8 @@ from toolbox.data.record import (
 )
 from toolbox.data.remote.address import as_path
 from toolbox.data.table import Table
+from toolbox.data.writing import followed
 from toolbox.errors import DataError
-from toolbox.files import followed
 
 if TYPE_CHECKING:
     import geopandas

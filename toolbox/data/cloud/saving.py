@@ -15,8 +15,8 @@ from toolbox.data.las.waveforms import copy_packets
 from toolbox.data.las.write import write_las
 from toolbox.data.paths import LAS, is_copc, suffix_of
 from toolbox.data.record import with_record, write_beside
+from toolbox.data.writing import refuse_to_replace
 from toolbox.errors import DataError
-from toolbox.files import refuse_to_replace
 
 if TYPE_CHECKING:
     from toolbox.data.pointcloud import PointCloud

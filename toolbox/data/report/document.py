@@ -19,8 +19,8 @@ from toolbox.data.layer import Layer, text_array
 from toolbox.data.record import own_side_car, write_beside
 from toolbox.data.report.blocks import Head, Section
 from toolbox.data.report.columns import Column
+from toolbox.data.writing import followed, refuse_to_replace
 from toolbox.errors import DataError
-from toolbox.files import followed, refuse_to_replace
 
 PDF, WORKBOOK = ".pdf", ".xlsx"
 LOOKS = frozenset({"style", "logo"})

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from algorithms.shared.kernels import neighbours as tree
+from algorithms.shared.kernels.compiling import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def on_planes(begin, end, places, xyz, normal, box, depth, reach, thick, found):
     """Set `found` for positions near a plane: within its `thick` of that of a point within `reach`.
 

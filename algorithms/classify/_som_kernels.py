@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 ROUNDING = 1e-9  # by which bounds of distances are widened
 
@@ -44,7 +43,7 @@ def _two_nearest(away):
     return best, second
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def assign(first, last, data, steps, weights, moved, most, best, upper, lower, sums, counts):
     """Assign points to their nearest neurons, and update the sums and counts of each neuron.
 
@@ -84,7 +83,7 @@ def assign(first, last, data, steps, weights, moved, most, best, upper, lower, s
                 sums[old, f] -= steps[i, f]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nearest(first, last, data, weights, best, second, distance):
     """Fill in the two nearest neurons of points first..last, and the distance of the nearest."""
     away = np.empty(weights.shape[1])
@@ -94,7 +93,7 @@ def nearest(first, last, data, weights, best, second, distance):
         distance[i] = math.sqrt(away[best[i]])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def learn(order, data, pull, weights):
     """Train neurons on points one after the other (in place).
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from algorithms.shared.kernels.compiling import kernel
 from algorithms.shared.sets import root
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def hills(heights, order, cols, prominence, parent):
     """Set `parent` of each cell to the top of its hill.
 

@@ -15,9 +15,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from algorithms.shared.kernels.compiling import kernel
 from toolbox.context import QUIET, Context
 
 BLOCK = 2_000_000  # cells of the diagram between two checks for cancellation
@@ -138,7 +138,7 @@ def can_walk(one: Array, other: Array, leash: float, ctx: Context = QUIET) -> bo
     return bool(reach[1] == len(other) - 2 and now[-1, 1] >= 1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def free(x, y, ax, ay, bx, by, leash):
     """Range of shares of a segment within the leash of a position; NaN if there is none."""
     wx, wy, ux, uy = bx - ax, by - ay, x - ax, y - ay
@@ -160,7 +160,7 @@ def free(x, y, ax, ay, bx, by, leash):
     return max(low, 0.0), min(high, 1.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def first_row(place, other, leash, now):
     """Fill in what is reached while the first line waits at its start; first and last segment."""
     last = -1
@@ -177,7 +177,7 @@ def first_row(place, other, leash, now):
     return 0, last
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def walk_rows(  # noqa: PLR0912
     one, other, leash, start, end, now, then, reach, bottom
 ):

@@ -15,9 +15,8 @@ No band and no seam needs another, and none overwrites what another still reads.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 REACH = 2  # nodes: the longest spring
 TILE = 64  # nodes: side of the squares that are skipped once they are at rest
@@ -25,7 +24,7 @@ STRIP = 4  # rows that are worked on at a time: divides TILE, and REACH or more
 BAND = 256  # columns: at least twice the reach of all steps that are made at once
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fall(first, last, spread, steps, awake, even, odd, obstacle, drop, inertia):
     """Make several steps of the bands first..last, or of the seams at their left.
 
@@ -127,7 +126,7 @@ def _continue_edges(height, row, first, last, rows, cols):
                 height[rows + REACH + k, c] = here[c]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def movement(first, last, awake, height, before, still, moving):
     """Set `moving` for tiles in which a particle moved by more than `still`."""
     rows, cols = height.shape[0] - REACH, height.shape[1] - REACH
@@ -141,7 +140,7 @@ def movement(first, last, awake, height, before, still, moving):
             moving[i, j] = longest > still
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def settle_slopes(height, obstacle, resting, steep, step, waiting):
     """Let movable particles down beside `resting` ones, from the resting ones inwards (in place).
 
@@ -176,7 +175,7 @@ def _let_down(obstacle, resting, steep, step, row, col, waiting, count):
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def near_surface(first, last, xyz, heights, left, top, cell, threshold, near):
     """Set `near` for points within threshold + slope x cell of the bilinear lattice, up or down.
 

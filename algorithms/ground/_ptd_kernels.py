@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.delaunay import in_circle, is_ghost, locate, orient
 from algorithms.shared.sets import root
 
@@ -109,7 +108,7 @@ def _take_points(t, head, following, found, n):
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def points_of(facets, head, following, found):
     """Move the points of facets from their lists to `found`; their number."""
     n = 0
@@ -118,7 +117,7 @@ def points_of(facets, head, following, found):
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def points_at_rim(mesh, real, head, following, found):
     """Move the points of facets with a corner from `real` on to `found`; their number."""
     n = 0
@@ -129,7 +128,7 @@ def points_at_rim(mesh, real, head, following, found):
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def best_of_facets(
     mesh, z, points, entered, limits, break_rise, facet, head, following, best, lowest, chosen, n
 ):
@@ -160,7 +159,7 @@ def best_of_facets(
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def against_facets(mesh, z, points, facet, seen):
     """Fill in the greatest angle (row 0 of `seen`) and distance of each point from its facet."""
     t = np.int64(0)
@@ -175,7 +174,7 @@ def against_facets(mesh, z, points, facet, seen):
 # Taking vertices out again.
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def take_out(mesh, gone, facet, head, following, found):
     """Remove the vertices marked in `gone`; list the points of the facets that go.
 
@@ -280,7 +279,7 @@ def _fill_gap(mesh, t, facet, head, following):
         i = following[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):
     """Join vertices below `real` into groups along edges, unless the edge is a wall.
 
@@ -307,7 +306,7 @@ def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def patches_of(mesh, first, last, group, boxes):
     """Set the patch of each vertex, and extend its box (west, south, -east, -north)."""
     for v in range(first, last):
@@ -317,7 +316,7 @@ def patches_of(mesh, first, last, group, boxes):
         boxes[g, 2], boxes[g, 3] = min(boxes[g, 2], -x), min(boxes[g, 3], -y)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def near_surface(xyz, first, cells, lowest, facet, mesh, z, tolerance, per_rise, near):
     """Set `near` for the points from `first` on that are near the surface.
 

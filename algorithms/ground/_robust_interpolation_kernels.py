@@ -8,9 +8,8 @@ north-west corner. So a position in the terrain has the same numbers in every ti
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 WINDOW = 2  # cells on each side of a node whose points it looks at
 SUPPORT = 3.0  # cells: the influence of a point has faded to nothing
@@ -48,7 +47,7 @@ def _height_and_slope(surface, place, x, y):
     return heights / weights, slope
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def residuals(first, last, xyz, surface, place, residual, rise):
     """Fill in heights of points above the surface, and the rise of the surface over one cell."""
     for i in range(first, last):
@@ -57,7 +56,7 @@ def residuals(first, last, xyz, surface, place, residual, rise):
         rise[i] = min(slope, STEEPEST) * place[2]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def interpolate(
     first, last, xyz, lowest, offset, place, trend, trend_place, half, relief, depth, rounds, out
 ):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.covariance import eigen
 from algorithms.shared.kernels.sorting import first_at
 
@@ -14,7 +13,7 @@ FEWEST = 8  # points that make a normal
 SURE = 0.02  # least variance over the middle one, of points that are a plane for certain
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def keys(first, last, xyz, low, side, found):
     """Fill in the keys of points: positions along a curve through the octree (Morton 1966)."""
     fine = (1 << LEVELS) / side
@@ -38,7 +37,7 @@ def _spread(bits):
     return (bits | bits << np.uint64(2)) & np.uint64(0x1249249249249249)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def leaves(sorted_keys, most, deepest, starts, levels):
     """Split cells until each holds at most `most` points or is at the level `deepest`.
 
@@ -66,7 +65,7 @@ def leaves(sorted_keys, most, deepest, starts, levels):
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def at_scales(some, xyz, keys, starts, levels, piece, found):
     """Fill in the middle and least variance of leaves and of the cells above, and within them.
 
@@ -101,7 +100,7 @@ def at_scales(some, xyz, keys, starts, levels, piece, found):
             found[k, 4] = np.median(within)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def between_neighbours(xyz, x, y, z):
     """Variance across a plane that neighbours on it do not have in common (von Neumann 1941).
 
@@ -114,7 +113,7 @@ def between_neighbours(xyz, x, y, z):
     return np.sum(step**2) / (2 * len(step))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def steps_across(xyz, x, y, z):
     """Differences of neighbours across a plane, array of shape (n - 1,).
 
@@ -166,7 +165,7 @@ def _above(keys, start, stop, level):
     return first, first_at(keys, (base + np.uint64(1)) << shift, stop, len(keys))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def describe(first, last, xyz, keys, starts, levels, up, centres, normals, spread, reach):
     """Fill in centre, normal, variances and bounding box of the leaves first..last.
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from algorithms.planes._cells_kernels import LEVELS
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.sorting import first_at
 from algorithms.shared.sets import root
 
 GROUP = 32  # cells that are looked at together
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def boxes(reach):
     """Bounding boxes of groups of GROUP consecutive cells, array of shape (groups, 6)."""
     found = np.empty((-(-len(reach) // GROUP), 6))
@@ -50,7 +49,7 @@ def _around(keys, levels, cell, up):
     return start, stop
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone, planes):
     """Fill in planes through the centres of three cells drawn from one octree cell.
 
@@ -101,7 +100,7 @@ def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone,
         planes[k, 3] = x * centres[first, 0] + y * centres[first, 1] + z * centres[first, 2]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def score(first, last, planes, centres, normals, weights, group, limit, cosine, gains):
     """Fill in the scores of planes: the sum of weight * (1 - (distance / limit)**2) over cells.
 
@@ -126,7 +125,7 @@ def score(first, last, planes, centres, normals, weights, group, limit, cosine, 
         gains[p] = gain
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def support(plane, centres, normals, weights, group, limit, cosine, found):
     """Fill in the indices of the cells that support a plane; their number."""
     x, y, z, offset = plane[0], plane[1], plane[2], plane[3]
@@ -144,7 +143,7 @@ def support(plane, centres, normals, weights, group, limit, cosine, found):
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def hits(some, cells, keys, levels, weights, member):
     """Mean chance that two cells drawn near a cell of a plane are on this plane too.
 
@@ -166,7 +165,7 @@ def hits(some, cells, keys, levels, weights, member):
     return total / len(some)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sums(cells, xyz, starts, free, plane, middle, limit, found):
     """Fill in sums over free points near a plane: 1, x, y, z, xx, xy, xz, yy, yz, zz.
 
@@ -192,7 +191,7 @@ def sums(cells, xyz, starts, free, plane, middle, limit, found):
                 found[9] += z * z
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def weighted(xyz, part, plane, middle, limit, found):
     """Fill in the sums of :func:`sums`, with weights that fall with the distance from the plane.
 
@@ -218,7 +217,7 @@ def weighted(xyz, part, plane, middle, limit, found):
             found[9] += w * z * z
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def squares(cells, xyz, starts, free, plane, axes, limit, gap, found, owner):
     """Fill in the squares of a grid on a plane that hold free points of given cells.
 
@@ -253,7 +252,7 @@ def _square(place, axes, gap):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pieces(squares, groups):
     """Connected pieces of squares, joined by sides, corners or groups.
 
@@ -288,7 +287,7 @@ def _join(parent, i, j):
         parent[a] = b
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weights, counts):
     """Mark the points of a patch as taken, and update the weights of their cells; their number."""
     taken = 0
@@ -312,7 +311,7 @@ def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weig
     return taken
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def near(plane, axes, limit, gap, squares, xyz, starts, reach, group, free):
     """Number of free points near a patch."""
     count = 0
@@ -329,7 +328,7 @@ def near(plane, axes, limit, gap, squares, xyz, starts, reach, group, free):
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def over(xyz, axes, gap, squares):
     """True for points of shape (n, 3) whose projection lies on a patch."""
     found = np.empty(len(xyz), np.bool_)
@@ -344,7 +343,7 @@ def _within(squares, key):
     return j < len(squares) and squares[j] == key
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def assign(
     plane,
     axes,
@@ -383,7 +382,7 @@ def assign(
                     nearest[i], owner[i] = abs(away) / spread, number
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def near_edges(
     plane,
     axes,

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from algorithms.shared.kernels import neighbours as tree
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.sorting import median
 
 LOW, HIGH, ISOLATED = 7, 18, 1  # verdicts: ASPRS classes of noise, 1 to be decided; 0 is no noise
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lowest_means(mean, depth):
     """Lowest mean distance among the points of each node of the tree, shape (2**(depth + 1),)."""
     n = len(mean)
@@ -26,7 +25,7 @@ def lowest_means(mean, depth):
     return lowest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lowest_around(first_leaf, last_leaf, box, depth, lowest, farthest, around):
     """Fill in lower bounds of the mean distances of all neighbours of the points of some leaves."""
     n, held = len(around), np.empty(tree.DEEPEST, np.int64)
@@ -67,7 +66,7 @@ def _side(xyz, own, near, values, found, plants):
     return HIGH if above > 0.0 else LOW
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def judge(first, last, xyz, box, depth, points, around, mean, farthest, k, reach, rule, verdict):
     """Fill in the verdicts on the points first..last of those that are in doubt.
 
@@ -135,7 +134,7 @@ def _mean(own, other, search, mean, farthest):
     return mean[own]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sides(first, last, xyz, box, depth, noise, k, verdict):
     """Fill in whether the noise points first..last, in the order of the tree, are low or high."""
     n = len(xyz)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from algorithms.shared.kernels.compiling import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mark(first, last, order, starts, xyz, file, near, marks):
     """Mark the points of groups that also occur in an earlier file.
 

@@ -7,9 +7,8 @@ the bits of each column and `north` those of each row, so that a cell has the su
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import exact_sums, helper, rough_sums
+from algorithms.shared.kernels.compiling import exact_sums, helper, kernel, rough_sums
 
 WIDEST = 3  # cells on each side of a window: where points are nine times as sparse as usual
 MOST = 25  # times k points in a window; the sums of more would take longer than a search
@@ -19,7 +18,7 @@ HALVINGS = 6  # of a limit, until hardly more than k points are within it: bound
 ROUNDING = 1e-6  # of a coordinate in single precision; and of distances, a thousand times as much
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def counts(xyz, west, south, cell, columns, rows):
     """Number of points in each cell, row by row."""
     found = np.zeros(columns * rows, np.int64)
@@ -28,7 +27,7 @@ def counts(xyz, west, south, cell, columns, rows):
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sort_into_cells(xyz, west, south, cell, east, north):
     """The points along the curve, their indices, and where each cell begins among them."""
     edges = np.zeros(east[-1] + north[-1] + 3, np.int64)
@@ -52,7 +51,7 @@ def _cell(xyz, i, west, south, cell, east, north):
     return north[int((xyz[i, 1] - south) / cell)] + east[int((xyz[i, 0] - west) / cell)]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def bounds(first_row, last_row, xyz, edges, east, north, cell, k, reach, upper, low, wide):
     """Fill in bounds of the mean distance to the k nearest points, for some rows of cells.
 
@@ -151,7 +150,7 @@ def _sums(near, count, x, y, z, half, step, twice):
     return of_half, of_step, of_twice, within, in_all
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def doubtful(
     first_row, last_row, edges, east, north, cell, ratio, upper, low, wide, lowest, within
 ):
@@ -174,7 +173,7 @@ def doubtful(
                 within[j] = w * cell * (1.0 - ROUNDING)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def closer(
     first_row, last_row, xyz, edges, east, north, cell, k, reach, ratio, few, wide, lowest, within
 ):

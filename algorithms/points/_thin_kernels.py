@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def number(first, last, codes, table, groups, size):
     """Fill in the group numbers of the points first..last, found by a hash table.
 
@@ -44,7 +43,7 @@ def _same(codes, i, j):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lowest(first, last, groups, key, xyz, rank, best):
     """Fill in the point of each group with the lowest key; ties are decided by x, y, z, then rank.
 
@@ -73,7 +72,7 @@ def _order(a, b):
     return -1 if a < b else int(a > b)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add(first, last, groups, values, high, low, count):
     """Add values to the sums of their groups; NaN is left out.
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
 from algorithms.samples._palace import palace
@@ -27,6 +26,7 @@ from algorithms.samples._survey import (
     SceneData,
     blank_terrain,
 )
+from algorithms.shared.kernels.compiling import kernel
 from toolbox.context import QUIET, Context
 
 BAY, DEPTH, EAVE, PITCH = 3.6, 9.0, 6.0, 0.8  # house, m; pitch is rise over run
@@ -445,7 +445,7 @@ def _station_features(stations: Floats) -> Features:
 # --- kernels -------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _first_face(station, directions, luck, faces, everywhere, start, items, openings, first):
     """Distance and face of the nearest hit of each ray; face -1 for the sky and dark rooms."""
     n, bays = len(directions), len(start) - 1
@@ -478,7 +478,7 @@ def _first_face(station, directions, luck, faces, everywhere, start, items, open
     return distance, face
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _open(x, z, openings, first, bays):
     """True where the front wall has an opening."""
     bay = int(np.floor(x / BAY))
@@ -492,7 +492,7 @@ def _open(x, z, openings, first, bays):
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _meet(face, station, d):
     """Distance along a ray to a face; inf where the ray misses it."""
     e, f = face.e, face.f

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
 from algorithms.samples._survey import (
@@ -26,6 +25,7 @@ from algorithms.samples._survey import (
     lift,
     rectangle,
 )
+from algorithms.shared.kernels.compiling import kernel
 
 ROOF_SHADES = (12000, 16000, 21000, 30000)
 
@@ -265,7 +265,7 @@ def crown(
     builder.crowns.append((x, y, ground + trunk, ground + height, radius, shape, owner))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _claim(taken, x, y, ux, uy, a, b):
     """Mark the 1 m cells of a rotated rectangle unless one is marked or outside; True if done."""
     rows, cols = taken.shape

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from algorithms.shared.kernels.compiling import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def elevation(values, west, north, cell, x, y):
     """Bilinear elevation at one point."""
     rows, cols = values.shape
@@ -19,7 +20,7 @@ def elevation(values, west, north, cell, x, y):
     return upper * (1 - v) + lower * v
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def bilinear(values, west, north, cell, x, y):
     """Bilinear elevation at many points."""
     z = np.empty(len(x))
@@ -28,7 +29,7 @@ def bilinear(values, west, north, cell, x, y):
     return z
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def bucket(low, high, rows, cols):
     """Objects in each cell, as starts and items, from the column and row ranges of each object."""
     start = np.zeros(rows * cols + 1, np.int64)
@@ -47,7 +48,7 @@ def bucket(low, high, rows, cols):
     return start, items
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def near(index, x, y):
     """Indices of the objects in the cell of a position; the border cells extend to infinity."""
     col = min(max(int((x - index.west) / index.cell), 0), index.cols - 1)
@@ -56,7 +57,7 @@ def near(index, x, y):
     return index.items[index.start[here] : index.start[here + 1]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def first_hits(x0, y0, sx, sy, values, level, west, north, cell, blocks, index):
     """First hit of each ray with the terrain, the water or the blocks."""
     n = len(x0)
@@ -83,7 +84,7 @@ def first_hits(x0, y0, sx, sy, values, level, west, north, cell, blocks, index):
     return z, source, item, facet
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def enter(block, x0, y0, sx, sy):
     """Height and facet where a ray enters a block; -inf where it misses.
 
@@ -120,7 +121,7 @@ def enter(block, x0, y0, sx, sy):
     return upper, facet
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def crown_width(shape, t):
     """Radius of a crown of unit radius at fraction t of its height."""
     if shape == 0:
@@ -130,7 +131,7 @@ def crown_width(shape, t):
     return np.sqrt(max(0.0, 1 - t**4)) * min(1.0, 0.4 + 3 * t)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def chords(x0, y0, sx, sy, ground, crowns, index):
     """Entry and exit height of each ray in the highest crown that it hits; item -1 for none."""
     n, steps = len(x0), 24
@@ -153,7 +154,7 @@ def chords(x0, y0, sx, sy, ground, crowns, index):
     return top, bottom, item
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def strikes(x0, y0, sx, sy, ground, rods, index):
     """All approaches of rays to rods: pulse, height of the nearest point of the rod, rod."""
     pulse, rod, height = [], [], []
@@ -167,7 +168,7 @@ def strikes(x0, y0, sx, sy, ground, rods, index):
     return np.array(pulse, np.int64), np.array(height, np.float64), np.array(rod, np.int64)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def approach(rod, x0, y0, sx, sy):
     """Height of the point of a rod nearest to a ray, and the distance between them."""
     ex, ey, ez = rod.x2 - rod.x1, rod.y2 - rod.y1, rod.z2 - rod.z1

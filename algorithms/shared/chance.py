@@ -9,10 +9,9 @@ OOPSLA 2014, 453-472: the mixing function (SplitMix64).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 
 def random_keys(xyz: NDArray[np.float64], seed: int) -> NDArray[np.uint64]:
@@ -30,7 +29,7 @@ def random_keys(xyz: NDArray[np.float64], seed: int) -> NDArray[np.uint64]:
     return np.asarray(_keys(np.ascontiguousarray(xyz).view(np.uint64), np.uint64(seed)))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _keys(bits, seed):
     keys = np.empty(len(bits), np.uint64)
     for i in range(len(bits)):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from algorithms.shared.chance import random_keys
+from algorithms.shared.kernels.compiling import kernel
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context, log
 
@@ -53,7 +53,7 @@ def _bytes_for(points: int) -> int:
     return 1 << (max(1, points) * MARKS // 4 - 1).bit_length()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _may_share(keys, marks):
     """True for points whose mark is that of another point, as it is for all of equal keys.
 
@@ -95,7 +95,7 @@ def may_be_near(xy: Array, places: Array, reach: float) -> NDArray[np.bool_]:
     return np.asarray(_in_marked(xy, low, cell, binary_dilation(marked, np.ones((3, 3), bool))))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _in_marked(xy, low, cell, marked):
     """Which points lie in marked cells; `low` is the corner of cell 1, 1."""
     found = np.zeros(len(xy), np.bool_)
@@ -137,7 +137,7 @@ def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, 
     return places[:total], means[:total]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _settle(xy, values, order, first, last, places, means):
     """Average points of equal position in first..last of the order by x, and sort by x, y.
 
@@ -168,7 +168,7 @@ def _settle(xy, values, order, first, last, places, means):
     return first, count - first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sort(y, values):
     """Sort pairs by y, then value, in place (Shell 1959)."""
     gap = 1

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 BLOCK = 200_000  # steps between two checks for cancellation
 PUSHES = 8 * BLOCK  # that they may make
@@ -41,7 +40,7 @@ def _pop(levels, items, size):
     return first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def flood_facets(triangles, neighbours, z, low, used, joined, levels, items, size):
     """Flood triangles in the order of rising level; whether there is more to do.
 
@@ -72,7 +71,7 @@ def flood_facets(triangles, neighbours, z, low, used, joined, levels, items, siz
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def flood_cells(heights, used, joined, levels, items, size):
     """Flood the cells of a raster in the order of rising level; whether there is more to do.
 
@@ -183,7 +182,7 @@ def _reach(heights, used, side, cell, level, behind, levels, items, size):
     return levels, items
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def flood_lake(
     heights, used, edge, surveyed, fall, joined, side, tally, spill, levels, items, size
 ):
@@ -253,7 +252,7 @@ def _below(a, b, c, level):
     return 1.0 - dry, level - (a + b + c) / 3.0 + dry * (c - level) / 3.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_block(triangles, z, areas, joined, levels, first, last, sums):
     """Add the areas and volumes of triangles first..last to the sums for each level.
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from algorithms.shared.kernels.compiling import kernel
 
 TAKEN = 2  # state of cells that belong to another body
 NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0))  # of a cell: water does not creep over corners
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gather(cells, z, intensity, is_water, low, high, count, bright, water):
     """Add points to their cells: heights, count, sum of intensities, count of class water."""
     for i in range(len(cells)):
@@ -21,7 +22,7 @@ def gather(cells, z, intensity, is_water, low, high, count, bright, water):
         water[k] += is_water[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def surroundings(low, first, last, reach, middle, spread, known):
     """Fill in median, 20-80 % range and number of the heights within `reach` cells of each cell."""
     rows, cols = low.shape
@@ -41,7 +42,7 @@ def surroundings(low, first, last, reach, middle, spread, known):
                 spread[r, c] = some[(4 * (n - 1) + 2) // 5] - some[(n - 1 + 2) // 5]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spread(heights, middle, level, below, weir, most_lower, starts, state, stack):
     """Spread water at a level from cells; number of cells reached, and of those lying lower.
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.delaunay import in_circle, orient
 from algorithms.surface._tin_kernels import on_corners
 
@@ -21,7 +20,7 @@ SLIVER = 1e-8  # of the square of the extent: the circle of a flatter triangle i
 MARGIN = 1e-5  # share of a window that the circles of all others may be wrong by
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def settle(xy, values, starts):
     """Average points at one position, in place, and sort those of each square by x, y.
 
@@ -64,7 +63,7 @@ def _sort(xy, values, start, stop):
         gap //= 3
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill(first_row, last_row, xy, values, starts, west, south, size, rows, cols, xs, ys, surface):
     """Fill in some rows of the surface where the triangle around the centre is small."""
     near, index = np.empty((3, 256)), np.empty(256, np.int64)

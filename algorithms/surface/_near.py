@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from algorithms.shared.kernels.compiling import kernel
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
@@ -89,7 +89,7 @@ def buckets(xy: Array, cells: int, *, ctx: Context = QUIET) -> Buckets:
     return Buckets(sorted_xy, order, starts, west, south, size, rows, cols)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count(xy, west, south, size, rows, cols):
     """Start of the points of each square in the sorted points."""
     starts = np.zeros(rows * cols + 1, np.int64)
@@ -100,7 +100,7 @@ def _count(xy, west, south, size, rows, cols):
     return starts
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill(xy, west, south, size, cols, starts):
     """Indices of the points, sorted by square."""
     order, free = np.empty(len(xy), np.int32), starts[:-1].copy()
@@ -111,7 +111,7 @@ def _fill(xy, west, south, size, cols, starts):
     return order
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gather(xy, order, first, last, out):
     """Copy the coordinates of points first..last of the order to the sorted array."""
     for i in range(first, last):
@@ -178,7 +178,7 @@ def left_out(there: Buckets, values: Array, weighting: Weighting, *, ctx: Contex
     return squares
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _weigh_cells(
     there, values, first, last, xs, ys, cell, weighting, max_gap, surface, used, nearest
 ):
@@ -197,7 +197,7 @@ def _weigh_cells(
                 used[row, col], nearest[row, col] = found, math.sqrt(far[0])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _leave_out(there, values, first, last, weighting, squares):
     """Fill in the squared errors of the points first..last of the buckets."""
     k = weighting.neighbours
@@ -209,7 +209,7 @@ def _leave_out(there, values, first, last, weighting, squares):
             squares[own] = (values[own] - _mean(values, near, far, found, weighting)) ** 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mean(values, near, far, found, weighting):
     """Weighted mean of points from their squared distances, the nearest first."""
     least = far[0] + weighting.smoothing**2
@@ -224,7 +224,7 @@ def _mean(values, near, far, found, weighting):
     return low + above / total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _search(there, x, y, own, reach, bound, most, far, near):
     """Find the len(most) points nearest to a position, except point `own`, within `reach`.
 
@@ -281,7 +281,7 @@ def _search(there, x, y, own, reach, bound, most, far, near):
     return _first(found, most, reach, far, near)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lower(square, most):
     """Insert a number into an array of the least numbers so far, the largest first.
 
@@ -294,7 +294,7 @@ def _lower(square, most):
     most[last] = square if square < most[last] else most[last]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _first(found, most, reach, far, near):
     """Keep the nearest points, sorted by distance, then by index; the number kept."""
     kept = 0
@@ -311,7 +311,7 @@ def _first(found, most, reach, far, near):
     return min(kept, len(most))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _enough(there, x, y, wanted):
     """Distance within which there are at least `wanted` points; inf if there are fewer in all."""
     _, _, starts, west, south, size, rows, cols = there

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from algorithms.shared.kernels.compiling import kernel
 from algorithms.shared.kernels.sorting import sort_few
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
@@ -71,7 +71,7 @@ def per_cell(
     return surface, np.diff(starts).astype(np.int32).reshape(lattice.shape)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count(cells, starts):
     """Fill in the start of the points of each cell; cell number -1 means outside of the raster."""
     for i in range(len(cells)):
@@ -81,7 +81,7 @@ def _count(cells, starts):
         starts[cell + 1] += starts[cell]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gather(cells, values, starts):
     """Values sorted by cell."""
     found, free = np.empty(starts[-1]), starts[:-1].copy()
@@ -92,7 +92,7 @@ def _gather(cells, values, starts):
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _summarise(values, starts, first, last, kind, share, surface):
     """Fill in the cells first..last; sorts the values of each, so that sums have a fixed order."""
     for cell in range(first, last):
@@ -107,7 +107,7 @@ def _summarise(values, starts, first, last, kind, share, surface):
             surface[cell] = _quantile(here, share) if kind == QUANTILE else _moment(here, kind)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sort(values):
     if len(values) > 32:
         values.sort()
@@ -115,7 +115,7 @@ def _sort(values):
         sort_few(values)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _quantile(values, share):
     """Quantile of sorted values, interpolated linearly between two of them."""
     place = share * (len(values) - 1)
@@ -125,7 +125,7 @@ def _quantile(values, share):
     return values[i] + (place - i) * (values[i + 1] - values[i])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _moment(values, kind):
     """Mean or standard deviation of sorted values, computed from the lowest for precision."""
     low, total, squares = values[0], 0.0, 0.0

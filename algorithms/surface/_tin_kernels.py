@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from algorithms.shared.kernels.compiling import kernel
 from algorithms.shared.kernels.delaunay import in_circle, orient
 from algorithms.shared.kernels.sorting import sort_few
 
@@ -31,7 +31,7 @@ CLOSE = 1e-6  # cells: what rounding may move; candidates this close are put to 
 # Triangles -----------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _turned(triangles, t):
     """Vertices of a triangle, counter-clockwise, beginning with the lowest index."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -42,7 +42,7 @@ def _turned(triangles, t):
     return a, b, c
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _squared_radius(ax, ay, bx, by, cx, cy):
     """Squared radius of the circle through three points."""
     ab = (bx - ax) ** 2 + (by - ay) ** 2
@@ -52,7 +52,7 @@ def _squared_radius(ax, ay, bx, by, cx, cy):
     return (ab / twice) * (bc / twice) * ca / 4.0 if twice != 0.0 else np.inf
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_gap(xy, triangles, t, limit):
     """Whether the circumcircle of a triangle has a radius larger than the limit."""
     if np.isinf(limit):
@@ -62,7 +62,7 @@ def _is_gap(xy, triangles, t, limit):
     return _squared_radius(ax, ay, bx, by, cx, cy) > limit * limit
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _crossing(ax, ay, bx, by, y, low, high):
     """Interval low..high, widened by the x at which an edge crosses the line of constant y."""
     if min(ay, by) <= y <= max(ay, by):
@@ -72,7 +72,7 @@ def _crossing(ax, ay, bx, by, y, low, high):
     return low, high
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def draw(xy, triangles, first, last, limit, xs, ys, cell, facet):
     """Enter triangles first..last, if they are no gaps, into the cells whose centre they contain.
 
@@ -110,7 +110,7 @@ def draw(xy, triangles, first, last, limit, xs, ys, cell, facet):
                     facet[row, col] = t
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _weights(xy, a, b, c, x, y):
     """Barycentric weights; one is exactly 0 where the position is on the opposite edge."""
     ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
@@ -121,7 +121,7 @@ def _weights(xy, a, b, c, x, y):
     return u, v, w
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _edge(a, b, c, u, v, w):
     """End vertices, sorted, of the edge below a position; twice a vertex at it; else -1, -1."""
     if u == 0.0:
@@ -135,21 +135,21 @@ def _edge(a, b, c, u, v, w):
     return min(i, j), max(i, j)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _share(xy, i, j, x, y):
     """Fraction of the edge from i to j at which a position lies, 0..1."""
     dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
     return (x - xy[i, 0]) / dx if abs(dx) >= abs(dy) else (y - xy[i, 1]) / dy
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _on_facet(xy, values, triangles, t, x, y):
     """Linear interpolation in triangle t."""
     a, b, c = _turned(triangles, t)
     return on_corners(xy, values, a, b, c, x, y)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def on_corners(xy, values, a, b, c, x, y):
     """Linear interpolation in a triangle, counter-clockwise, of which `a` is the lowest index."""
     u, v, w = _weights(xy, a, b, c, x, y)
@@ -159,7 +159,7 @@ def on_corners(xy, values, a, b, c, x, y):
     return values[a] + v * (values[b] - values[a]) + w * (values[c] - values[a])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def linear(xy, values, triangles, facet, first, last, xs, ys, surface):
     """Fill in the columns first..last of the surface by linear interpolation, inside triangles."""
     for row in range(len(ys)):
@@ -172,7 +172,7 @@ def linear(xy, values, triangles, facet, first, last, xs, ys, surface):
 # Natural neighbours --------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):
     """Find the triangles whose circumcircle contains a position in triangle t, and their rim.
 
@@ -207,7 +207,7 @@ def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):
     return waiting, rim, count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _centre(ax, ay, bx, by):
     """Centre of the circle through the origin, a and b; infinite if these are collinear."""
     aa, bb, twice = ax * ax + ay * ay, bx * bx + by * by, 2.0 * (ax * by - ay * bx)
@@ -216,7 +216,7 @@ def _centre(ax, ay, bx, by):
     return (by * aa - ay * bb) / twice, (ax * bb - bx * aa) / twice
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stolen(xy, triangles, neighbours, x, y, rim, i, here, there):
     """Twice the area that a position takes from the Voronoi cell between rim edges i and i + 1.
 
@@ -240,7 +240,7 @@ def _stolen(xy, triangles, neighbours, x, y, rim, i, here, there):
     return abs(area + before_x * (there[1] - here[1]) - before_y * (there[0] - here[0]))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rim_centre(xy, triangles, x, y, edge):
     """Centre, relative to a position, of the circle through it and both ends of a rim edge."""
     t, k = edge >> 2, edge & 3
@@ -248,7 +248,7 @@ def _rim_centre(xy, triangles, x, y, edge):
     return _centre(xy[a, 0] - x, xy[a, 1] - y, xy[b, 0] - x, xy[b, 1] - y)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys, surface, used):
     """Fill in the columns first..last by natural neighbour interpolation (Sibson weights).
 
@@ -289,7 +289,7 @@ def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys
                     surface[row, col] = _on_facet(xy, values, triangles, t, x, y)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _at_hull(triangles, neighbours, t, i, j):
     """Whether the edge of triangle t between vertices i and j is on the convex hull."""
     for k in range(3):
@@ -298,7 +298,7 @@ def _at_hull(triangles, neighbours, t, i, j):
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _begin_with_first(triangles, rim, count):
     """Rotate the rim so that its first edge begins at the vertex with the lowest index."""
     start, lowest = 0, -1
@@ -313,7 +313,7 @@ def _begin_with_first(triangles, rim, count):
 # Cubic ---------------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def edges(xy, triangles, neighbours, limit, starts):
     """Neighbours of each vertex along edges, sorted by index.
 
@@ -345,7 +345,7 @@ def edges(xy, triangles, neighbours, limit, starts):
     return ends
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def planes(xy, values, starts, ends, first, last, ways, inverse, plane):
     """Prepare the gradient estimation at vertices first..last.
 
@@ -371,7 +371,7 @@ def planes(xy, values, starts, ends, first, last, ways, inverse, plane):
             plane[i, 0], plane[i, 1] = xx * sx + mixed * sy, mixed * sx + yy * sy
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def relax(starts, ends, ways, inverse, plane, first, last, weight, old, new):
     """One relaxation step for the gradients of vertices first..last, towards edges that bend least.
 
@@ -390,7 +390,7 @@ def relax(starts, ends, ways, inverse, plane, first, last, weight, old, new):
         new[i, 1] += weight * (y - new[i, 1])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _tilt(xy, triangles, neighbours, limit, t, i, a, b, c):
     """Direction along which the derivative across the edge bc is linear: to the apex beyond it.
 
@@ -409,7 +409,7 @@ def _tilt(xy, triangles, neighbours, limit, t, i, a, b, c):
     return -0.5
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _along(xy, values, gradients, i, j):
     """The two inner control values of the cubic curve along the edge from i to j."""
     dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
@@ -419,7 +419,7 @@ def _along(xy, values, gradients, i, j):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _on_curve(xy, values, gradients, i, j, x, y):
     """Value of the cubic curve on the edge from i to j; the value at the vertex if i equals j."""
     if i == j:
@@ -430,7 +430,7 @@ def _on_curve(xy, values, gradients, i, j, x, y):
     return r * r * r * values[i] + 3.0 * r * s * (r * p + s * q) + s * s * s * values[j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _on_piece(xy, values, gradients, triangles, neighbours, limit, t, x, y):
     """Value of the cubic surface in triangle t, in the Bernstein form of its three subtriangles.
 
@@ -470,14 +470,14 @@ def _on_piece(xy, values, gradients, triangles, neighbours, limit, t, x, y):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _across(g, p, pq, qp, q, inner_p, inner_q):
     """Control value beside the middle of an edge p..q that makes the surface smooth across it."""
     bend = g * (-p + 3.0 * pq - 3.0 * qp + q)
     return (bend - p + 2.0 * pq - qp + inner_p + inner_q) / 2.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cubic(xy, values, gradients, triangles, neighbours, limit, facet, first, last, xs, ys, surface):
     """Fill in the columns first..last of the surface by cubic interpolation, inside triangles."""
     for row in range(len(ys)):
@@ -492,7 +492,7 @@ def cubic(xy, values, gradients, triangles, neighbours, limit, facet, first, las
 # Leaving one out -----------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def triangle_of_each(triangles, n):
     """Index of a triangle at each vertex, -1 where there is none; shape (n,)."""
     found = np.full(n, -1, np.int32)
@@ -502,7 +502,7 @@ def triangle_of_each(triangles, n):
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ring(xy, triangles, neighbours, limit, t, vertex, ring):
     """Neighbours of a vertex, counter-clockwise, and their number: 0 at the hull and at gaps."""
     begin, count = t, 0
@@ -518,7 +518,7 @@ def _ring(xy, triangles, neighbours, limit, t, vertex, ring):
     return ring, 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _holds(xy, a, b, c, x, y):
     """Whether a position is in the counter-clockwise triangle abc or on its edges."""
     return (
@@ -529,7 +529,7 @@ def _holds(xy, a, b, c, x, y):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _without(xy, ring, count, x, y):
     """Delaunay triangle around the position of a vertex after the vertex is removed.
 
@@ -558,7 +558,7 @@ def _without(xy, ring, count, x, y):
     return a, b, c
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def left_out(xy, values, triangles, neighbours, limit, of_each, first, last, squares):
     """Squared differences of vertices first..last from the triangle that is there without them.
 

@@ -10,8 +10,7 @@ import pytest
 import algorithms
 
 ROOT = Path(algorithms.__file__).parent
-# Beside njit itself, those that are it with what they are for.
-COMPILERS = {"njit", "helper", "inlined", "exact_sums", "rough_sums"}
+COMPILERS = {"kernel", "helper", "inlined", "exact_sums", "rough_sums"}
 
 each_module = pytest.mark.parametrize(
     "path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT))
@@ -28,6 +27,12 @@ def test_only_kernels_have_no_annotations(path: Path) -> None:
         and not any(ast.unparse(d).split("(")[0] in COMPILERS for d in f.decorator_list)
     ]
     assert bare == []
+
+
+@each_module
+def test_only_one_module_asks_numba_to_compile(path: Path) -> None:
+    text = path.read_text()
+    assert "njit" not in text or path.name == "compiling.py"  # which keeps the names apart
 
 
 @each_module

@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 MOST_LEAVES = 32  # of a tree whose leaves are the bits of a number
 EVERY_LEAF = np.uint32(0xFFFFFFFF)
@@ -22,7 +21,7 @@ FEW = 16  # points whose features are rounded together
 TOGETHER = 256  # points that take each branch together, so that their features stay at hand
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scores(
     first, last, data, roots, column, feature, threshold, left, right, missing, values, found
 ):
@@ -44,7 +43,7 @@ def scores(
                     found[i, k] += values[node, k]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scores_of_small(first, last, data, row, threshold, kept, begin, leaf, column, values, found):
     """The same as :func:`scores`, for trees of at most MOST_LEAVES leaves.
 
@@ -107,7 +106,7 @@ def _leave(asked, row, threshold, kept, branch, may):
         may[i] &= one & two
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def leaves(feature, left, right, held, before):
     """Fill in the number of leaves below each node, and how many are to the left in its tree.
 
@@ -126,7 +125,7 @@ COUNT, GROUND, ABOVE, PASSING, HEIGHT, HEIGHTS, LIGHT, LIGHTS, BENT, HIGH, FLAT 
 SUMS = 11
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def columns(place, cols, rows, z, height, ground, passing, light, bent, high, flat, found):
     """Fill in what sums of columns tell, as :mod:`algorithms.classify._learning.columns` names it.
 
@@ -201,7 +200,7 @@ def _spread(count, first, second):
     return math.sqrt(max(second / count - mean * mean, 0.0))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def in_voxels(xyz, border, side, steps, index, inside):
     """Fill in the voxel of each point along each axis, and how many steps it is inside of it."""
     for i in range(len(xyz)):
@@ -211,7 +210,7 @@ def in_voxels(xyz, border, side, steps, index, inside):
             index[axis, i], inside[axis, i] = first, np.rint((place - first) * steps)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_up(number, values, sums):
     """Add values of points, shape (k, n), to the sums of their groups, shape (k, groups)."""
     for k in range(len(values)):
@@ -219,7 +218,7 @@ def add_up(number, values, sums):
             sums[k, number[i]] += values[k, i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def rounded_rows(first, last, columns, steps, rows):
     """Fill in rows first..last, each a point, from columns of numbers; rounded to 1 / `steps`.
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from algorithms.shared.kernels.compiling import kernel
 
 # Columns of the array of wires, metres; see `Catenary`, and `rows_of` for the last ones.
 WIRE_X, WIRE_Y, WIRE_EX, WIRE_EY, WIRE_LENGTH = range(5)
@@ -17,7 +18,7 @@ NEWTON_ROUNDS, NEWTON_EARLY = 60, 12  # of Newton's method, the early ones witho
 NEWTON_LAST_STEP = 1e-5  # metres along the wire: a smaller step of Newton's method is the last
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _place(w, u):
     """Offset and height of a wire at u, and the first two derivatives of the height."""
     grown = math.expm1(w[WIRE_CURVATURE] * (u - w[WIRE_U0]))
@@ -33,7 +34,7 @@ def _place(w, u):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slope(w, u, p, q, h, tall):
     """Half the derivative of the squared distance at u, and the derivative of that.
 
@@ -47,7 +48,7 @@ def _slope(w, u, p, q, h, tall):
     return first, second
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _within(w, low, high, start, p, q, h, tall):
     """The u between low and high with the least distance, by Newton's method within the bounds.
 
@@ -68,7 +69,7 @@ def _within(w, low, high, start, p, q, h, tall):
     return u
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest(w, p, q, h):
     """The u of the point of a wire nearest to a point p along its axis, q to its left, at height h.
 
@@ -93,14 +94,14 @@ def _nearest(w, p, q, h):
     return _within(w, low, high, length * best / NEWTON_STARTS, p, q, h, 1.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _along_axis(w, x, y):
     """Coordinates of a position in plan along the axis of a wire and to its left."""
     dx, dy = x - w[WIRE_X], y - w[WIRE_Y]
     return dx * w[WIRE_EX] + dy * w[WIRE_EY], dy * w[WIRE_EX] - dx * w[WIRE_EY]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _in_space(w, x, y, z):
     """Distance of a point from a wire in space, and u of the nearest point of the wire."""
     p, q = _along_axis(w, x, y)
@@ -109,7 +110,7 @@ def _in_space(w, x, y, z):
     return math.sqrt((u - p) ** 2 + (v - q) ** 2 + (height - z) ** 2), u
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _in_plan(w, x, y, z):
     """Vertical and horizontal distance where a wire is nearest in plan; positive below the wire."""
     p, q = _along_axis(w, x, y)
@@ -118,7 +119,7 @@ def _in_plan(w, x, y, z):
     return height - z, math.hypot(u - p, v - q)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _at_least(w, x, y, z):
     """Lower bounds of the squared distances of a point from a wire, in space and in plan.
 
@@ -143,7 +144,7 @@ def _at_least(w, x, y, z):
     return past + (beside + above) * w[WIRE_SPACE], past + beside * w[WIRE_FLAT]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def distances(first, last, xyz, wire, result):
     """Fill in space, vertical and horizontal distances of points first..last from a wire, and u."""
     for i in range(first, last):
@@ -151,7 +152,7 @@ def distances(first, last, xyz, wire, result):
         result[i, 1], result[i, 2] = _in_plan(wire, xyz[i, 0], xyz[i, 1], xyz[i, 2])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _judged(rule, space, tall, flat):
     """Distance measured by a rule and its ratio to the threshold; infinite if the rule is kept."""
     value, other = space, 0.0
@@ -164,7 +165,7 @@ def _judged(rule, space, tall, flat):
     return value, max(value / rule[1], other / rule[2] if other > 0 else 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _matters(kind, old, ratio, rules, masks):
     """Distance in space beyond which no rule is broken worse than rule `old` at the given ratio."""
     farthest = 0.0
@@ -177,7 +178,7 @@ def _matters(kind, old, ratio, rules, masks):
     return farthest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _wires_near(x, y, cells, starts, candidates):
     """Indices of the wires near the lattice cell of a position."""
     column, row = int((x - cells[0]) // cells[2]), int((y - cells[1]) // cells[2])
@@ -187,7 +188,7 @@ def _wires_near(x, y, cells, starts, candidates):
     return candidates[starts[cell] : starts[cell + 1]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bound(wires, near, x, y, z, least, limit, bounds):
     """Fill in the lower bounds of the distances to several wires; the index of the least one.
 
@@ -206,7 +207,7 @@ def _bound(wires, near, x, y, z, least, limit, bounds):
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def check(
     first,
     last,
@@ -288,7 +289,7 @@ def check(
                 limit = _matters(what, r, ratio, rules, masks)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sweep(first, last, xyz, kind, cells, starts, candidates, high, low, reach, least, beside):
     """Find distances of points from the sheets that wires sweep between two curvatures.
 
@@ -323,7 +324,7 @@ def sweep(first, last, xyz, kind, cells, starts, candidates, high, low, reach, l
                 beside[i] = min(beside[i], away)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def falls(first, last, xyz, foot, cells, starts, candidates, wires, own, real):
     """Fill in the wire nearest to the foot of each tree, its distance from there, and u.
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 TINY = 1e-9
 
@@ -53,7 +52,7 @@ def _add(m, w, d, y, k):
     m[9] += w * y * y
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cuts(tall, flat, x, z, v, price, bend, spread, c, least, total, before):
     """Cut tracks into arcs at common edges of bins, for the least sum of misfits and prices.
 
@@ -98,7 +97,7 @@ def cuts(tall, flat, x, z, v, price, bend, spread, c, least, total, before):
                 before[b] = a
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def misfits(tall, flat, x, z, v, low, high, bend, spread, c, out):
     """Fill in the misfit of each track as an arc between low[k] and high[k], arrays of shape (k,).
 

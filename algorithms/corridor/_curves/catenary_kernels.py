@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from algorithms.corridor._curves.trace_kernels import solve
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.sorting import median
 
 LEAST_CURVATURE, MOST_CURVATURE = 1e-5, 0.1  # 1 / metre: a wire straighter than this is straight
@@ -124,7 +123,7 @@ def _squares(u, z, length, weight, shape, off, square):
     shape[FIT_ERROR] = math.sqrt(tall / max(total - 3, 1.0))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fitted(
     u,
     v,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 NEAR = 4.0  # metres from a seed, beyond which the plane of a wire is a narrow angle
 MOST_WIRES = 40  # that are looked for beside each other
@@ -53,7 +52,7 @@ def _take(v, w, n, taken, v0, w0, radius, number):
             taken[k] = number
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def evidence(v, w, u, n, length, radius, reach, steps, taken, proof):
     """How unlikely wires are by chance: logarithm of the probability, wires marked in `taken`.
 
@@ -104,7 +103,7 @@ def evidence(v, w, u, n, length, radius, reach, steps, taken, proof):
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def moved(i, j, bend, points, xyz, used, reach, u, v, w, index):
     """Points between two of them: distance along and aside, and height above the wire from i to j.
 
@@ -182,7 +181,7 @@ def _bent(lines, u, z, d, radius, flattest, tightest):
     return best, found, tests
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def search(first, last, order, xyz, near, used, shape, steps, score, other, bend, tests):
     """For each point first..last of an order, the wire from it that is least likely by chance.
 

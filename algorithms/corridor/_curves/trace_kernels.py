@@ -12,9 +12,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 CURVE_X, CURVE_Y, CURVE_EX, CURVE_EY, CURVE_LOW, CURVE_HIGH = range(6)
 CURVE_V, CURVE_Z = 6, 9  # the first of three coefficients each
@@ -41,7 +40,7 @@ class Following(NamedTuple):
     resuming_share: float
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def in_cells(xyz, by_x, cell, free, start, order):
     """Fill in the order of points by cell, x, y and z, from their order by x.
 
@@ -59,7 +58,7 @@ def in_cells(xyz, by_x, cell, free, start, order):
         order[at] = i
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def crowding(keys, masks, offsets, first, last, out):
     """Fill in how many eighths of the voxels around each voxel first..last have points.
 
@@ -87,7 +86,7 @@ def _cells(x, y, radius, west, south, cell, rows, cols):
     return r0, r1, c0, c1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def straightness(
     first,
     last,
@@ -355,7 +354,7 @@ def _begin(
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def trace(
     by,
     seed,
@@ -450,7 +449,7 @@ def trace(
     return _keep_near(curve, found, count, tolerance, xyz)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def profile(curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed, shelled):
     """Count points in a tube around a curve, and in the shell around that, per step along it."""
     for k in range(len(tubed)):
@@ -474,7 +473,7 @@ def profile(curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed,
                     shelled[k] += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tube(shape, low, high, radius, xyz, start, west, south, cell, rows, cols, found, away):
     """Fill in the points within a radius of a catenary, from u = low to high; their number.
 

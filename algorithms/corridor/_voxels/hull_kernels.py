@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from algorithms.shared.kernels.compiling import kernel
 
 Floats = NDArray[np.float64]
 
 
-@numba.njit(cache=True)
+@kernel
 def inside_any(
     xyz: Floats,
     corner: Floats,

@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.delaunay import orient
 from algorithms.shared.sets import root
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def radii_block(xy, triangles, first, last, radii):
     """Write the radii of the circles around triangles first..last: abc / (4 area)."""
     for t in range(first, last):
@@ -30,7 +29,7 @@ def radii_block(xy, triangles, first, last, radii):
         radii[t] = product / (2.0 * orient(ax, ay, bx, by, cx, cy))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def areas_block(xy, triangles, first, last, areas):
     """Write the areas of triangles first..last."""
     for t in range(first, last):
@@ -38,7 +37,7 @@ def areas_block(xy, triangles, first, last, areas):
         areas[t] = 0.5 * orient(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def covering_radius(triangles, radii, least):
     """The least radius limit at which each vertex has a triangle of at most that circumradius.
 
@@ -54,7 +53,7 @@ def covering_radius(triangles, radii, least):
     return greatest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def patches(neighbours, kept):
     """Patch of each triangle: triangles joined by edges that are all kept, or all not kept.
 
@@ -82,7 +81,7 @@ def patches(neighbours, kept):
     return patch, count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def one_piece(neighbours, radii, order, node, nodes, pieces, slack):
     """The circumradius at which triangles, added in rising order, first make one connected piece.
 
@@ -111,7 +110,7 @@ def one_piece(neighbours, radii, order, node, nodes, pieces, slack):
     return math.inf
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def owners(triangles, rank, owner):
     """Set the lowest rank of the triangles at each vertex; `owner` is filled with a higher one."""
     for t in range(len(triangles)):
@@ -127,7 +126,7 @@ def _is_rim(neighbours, kept, t, k):
     return n < 0 or not kept[n]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count_rim(neighbours, kept):
     """Number of rim edges of the kept triangles."""
     count = 0
@@ -138,7 +137,7 @@ def count_rim(neighbours, kept):
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def trace(xy, triangles, neighbours, kept, length):
     """The rings around the kept triangles, which are on the left of each.
 

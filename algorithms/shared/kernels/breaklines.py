@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from algorithms.shared.kernels.compiling import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def off_continuations(
     first, last, cells, heights, z, ground, reach, octants, wide, least, stiff, out
 ):

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from algorithms.shared.kernels import cells
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.sets import root
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def dense(first_cell, last_cell, xyz, key, start, stride, reach, enough, is_core):
     """Tell which points have at least `enough` points, themselves too, within reach."""
     step, at = cells.columns(stride, key)
@@ -34,7 +33,7 @@ def _has_enough(xyz, own, first, last, reach, enough):
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def join(xyz, key, start, stride, reach, is_core, parent):
     """Give core points within reach of each other one root: `parent` leads there (in place)."""
     step, at = cells.columns(stride, key)
@@ -57,7 +56,7 @@ def join(xyz, key, start, stride, reach, is_core, parent):
         parent[i] = root(parent, i)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def border(first_cell, last_cell, xyz, key, start, stride, reach, is_core, nearest):
     """Fill in the nearest core point within reach of points that are none, -1 without one.
 

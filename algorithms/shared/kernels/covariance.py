@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from algorithms.shared.kernels import cells
 from algorithms.shared.kernels import neighbours as tree
-from algorithms.shared.kernels.compiling import exact_sums, helper, inlined
+from algorithms.shared.kernels.compiling import exact_sums, helper, inlined, kernel
 
 # What is known of a neighbourhood, by row of `found`.
 COUNT, REACH, LARGE, MIDDLE, SMALL, NX, NY, NZ, OFF_PLANE, RISE, SPREAD = range(11)
@@ -36,7 +35,7 @@ WIDEN = 1.5  # times as far, where that does not hold all neighbours of a point
 # Neighbourhoods ----------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):
     """Fill in the moments and axes of the k nearest neighbours of points, within `reach`.
 
@@ -151,7 +150,7 @@ def _farthest(squared, count):
     return math.sqrt(most)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def within(first_cell, last_cell, xyz, key, start, stride, reach, found):
     """Fill in the moments and axes of all neighbours of points within `reach`.
 
@@ -273,7 +272,7 @@ def _describe(xyz, own, near, count, reach, row):
     row[XX], row[XY], row[XZ], row[YY], row[YZ], row[ZZ] = sxx, sxy, sxz, syy, syz, szz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inlined
 def _axes(found):
     """Fill in what is known of neighbourhoods from the sums in their rows.
 

@@ -21,10 +21,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 HALF_ULP = 2.0**-53
 ORIENT_ERROR = (3 + 16 * HALF_ULP) * HALF_ULP  # Shewchuk's ccwerrboundA
@@ -300,7 +299,7 @@ def _last_around(xy, triangles, neighbours, x, y, t):
     return t
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def locate_block(xy, triangles, neighbours, places, order, first, last, hint, found):
     """Fill in the triangles at positions order[first:last], -1 outside the hull; the next hint."""
     for i in range(first, last):
@@ -325,7 +324,7 @@ def facet_weights(xy, triangles, t, x, y):
     return u / area, v / area, w / area
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def interpolate_block(xy, triangles, values, places, found, first, last, out):
     """Fill in linear interpolations at places[first:last]; NaN where `found` is -1."""
     for i in range(first, last):
@@ -341,7 +340,7 @@ def interpolate_block(xy, triangles, values, places, found, first, last, out):
 # Growing.
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def start(mesh, points):
     """Make the first triangle and its ghosts; False if all points are on one line."""
     xy, triangles, neighbours = mesh.xy, mesh.triangles, mesh.neighbours
@@ -438,7 +437,7 @@ def _beyond(ax, ay, bx, by, x, y):
     return min(ay, by) < y < max(ay, by)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def insert_block(mesh, points, first, last, hint, vertex_of):
     """Insert points[first:last], and note the vertex at the position of each; the next hint."""
     for i in range(first, last):
@@ -452,7 +451,7 @@ def insert_block(mesh, points, first, last, hint, vertex_of):
     return hint
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def drop_ghosts(triangles, neighbours, size):
     """Move the real triangles to the front, and set neighbours at the hull to -1; their number."""
     for g in range(size):
@@ -485,7 +484,7 @@ def _exchange(neighbours, t, old, new):
 # Order of insertion: rounds of growing size, along a Hilbert curve in each.
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def keys_block(xy, points, low_x, low_y, scale, rounds, first, last, keys, counts):
     """Fill in the sort keys of points[first:last], and count their digits."""
     for i in range(first, last):
@@ -527,7 +526,7 @@ def _round(key):
     return ROUNDS - 1 - back
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sort_block(keys, points, shift, starts, first, last, keys_out, points_out):
     """One pass of a radix sort over [first:last], by the digit at `shift`."""
     for i in range(first, last):

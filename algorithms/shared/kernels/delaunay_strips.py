@@ -12,9 +12,9 @@ taken up by something uncertain.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from algorithms.shared.kernels.compiling import kernel
 from algorithms.shared.kernels.delaunay import is_ghost, orient
 
 STRIP = 200_000  # points: wide enough that seams are few of all
@@ -43,7 +43,7 @@ def dealt(xy: Floats) -> tuple[Ints, list[int], Floats]:
     return order, [0, *np.cumsum(sizes).tolist()], np.array([-np.inf, *cuts, np.inf])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_certain(xy, a, b, c, west, east):
     """Whether the circumcircle of a triangle surely lies between two x coordinates."""
     ax, ay = xy[a, 0], xy[a, 1]
@@ -60,7 +60,7 @@ def _is_certain(xy, a, b, c, west, east):
     return x - radius - slack > west - ax and x + radius + slack < east - ax
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def settle(mesh, order, bounds, first, loose):
     """Turn the certain triangles of a strip into triangles of the whole, and mark loose vertices.
 
@@ -150,7 +150,7 @@ def _edge_keys(triangles: Ints, edges: Edges, *, forward: bool) -> Edges:
     return np.asarray((begin.astype(np.int64) << 32) | end)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _reached(start, across, joined):
     """True for the triangles `start`, and for those connected with them."""
     reached, waiting, count = np.zeros(len(across), np.bool_), np.empty(len(across), np.int64), 0
@@ -169,7 +169,7 @@ def _reached(start, across, joined):
     return reached
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _close_up(triangles, neighbours, free):
     """Move the last triangles to the free indices, which are in rising order; their number."""
     end, last, i = len(triangles), len(free) - 1, 0

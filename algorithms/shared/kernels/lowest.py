@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.sorting import first_at
 
 GROUP, MOST = 3.0, 12  # metres, points: of a group of low outliers
@@ -15,7 +14,7 @@ BAND, DENSE = 5.0, 20  # metres, points: dense terrain above a group
 ROUNDING = 1e-6  # cells, as in toolbox.data.Lattice
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cells_of(xyz, left, top, cell, rows, cols):
     """Index of the cell of each point, `left` and `top` being the lattice's corner in cells."""
     found = np.empty(len(xyz), np.int32)
@@ -26,7 +25,7 @@ def cells_of(xyz, left, top, cell, rows, cols):
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def enter_lowest(xyz, use, start, cells, height, lowest):
     """Update the lowest point of each cell with the points from `start` on, which lie in `cells`.
 
@@ -69,7 +68,7 @@ def _support(tops, x, y, z, row, col, cell, reach, metre):
     return cone, plane, above_cone, above_plane
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def suspects(tops, first, last, cell, reach, metre, ceiling):
     """Set the ceiling of cells in the rows first..last whose lowest point may be an outlier.
 
@@ -89,7 +88,7 @@ def suspects(tops, first, last, cell, reach, metre, ceiling):
                 ceiling[row, col] = z + (STEP + BAND) * metre
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def below(xyz, use, start, cells, ceiling):
     """Indices of the points in use, from `start` on, that are below the ceiling of their cell."""
     found, count = np.empty(len(cells), np.int64), 0
@@ -100,7 +99,7 @@ def below(xyz, use, start, cells, ceiling):
     return found[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def judge(tops, places, low, cells, cell, reach, metre, alone):
     """Mark the outliers among the low points of the cells at `places`, from the lowest upwards.
 
@@ -157,7 +156,7 @@ def _nearer(x, y, xyz, near, row, col, from_row, from_col):
     near[row, col] = j
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spread_rows(xyz, near, empty, xs, ys, start, stop, way):
     """Pass points on to `empty` nodes at (xs, ys), row by row from start to stop by `way`.
 

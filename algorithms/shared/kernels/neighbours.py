@@ -7,9 +7,8 @@ reordered cloud. Its box is number ``2**l + j``, so the children of box b are 2b
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import exact_sums, helper
+from algorithms.shared.kernels.compiling import exact_sums, helper, kernel
 
 DEEPEST = 64  # levels: more than any memory holds
 SOME = 64  # points of a node that tell its widest axis; with all, a tree takes a fourth longer
@@ -33,7 +32,7 @@ def leaf_of(own, depth, n):
 # Building ----------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def split(first_node, last_node, xyz, order, level):
     """Split nodes of a level at the median of their widest axis (in place)."""
     n = len(xyz)
@@ -84,7 +83,7 @@ def _part(xyz, order, start, stop, middle, axis):
             return
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def boxes(xyz, depth):
     """Bounding boxes of all nodes, array of shape (2**(depth + 1), 6)."""
     n = len(xyz)
@@ -280,7 +279,7 @@ def _largest(values, limit):
     return most
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mean_distances(first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farthest):
     """Fill in the mean and largest distance to the k nearest points, for the points of some leaves.
 

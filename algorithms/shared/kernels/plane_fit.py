@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from algorithms.shared.kernels.compiling import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def score(first, last, xyz, planes, limit, gains, counts):
     """Fill in the scores of planes: the sum of limit**2 - distance**2 over points within limit.
 
@@ -37,7 +38,7 @@ def score(first, last, xyz, planes, limit, gains, counts):
         counts[p] = count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def moments(first, last, xyz, origin, normal, centre, limit, block, sums):
     """Fill in sums over the points within a distance of a plane.
 

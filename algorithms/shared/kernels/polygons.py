@@ -9,13 +9,12 @@ then no place lies on an edge, and each crossing counts once.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.delaunay import orient
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count(edges, west, south, cell, margin, rows, cols):
     """Start of each cell in the list that `fill` makes, array of shape (rows * cols + 1,)."""
     starts = np.zeros(rows * cols + 1, np.int64)
@@ -31,7 +30,7 @@ def count(edges, west, south, cell, margin, rows, cols):
     return starts
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill(edges, west, south, cell, margin, rows, cols, starts):
     """Indices of the edges that may touch each cell, cell by cell."""
     listed, free = np.empty(starts[-1], np.int32), starts[:-1].copy()
@@ -46,7 +45,7 @@ def fill(edges, west, south, cell, margin, rows, cols, starts):
     return listed
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def corners(edges, listed, starts, west, south, cell, rows, cols):
     """Winding number of the lower left corner of each cell; 0 in the first column."""
     winding = np.zeros(rows * cols, np.int32)
@@ -63,7 +62,7 @@ def corners(edges, listed, starts, west, south, cell, rows, cols):
     return winding
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def inside(first, last, xyz, edges, listed, starts, winding, frame, found):
     """Set `found` for the points first..last that are in a polygon or on its edge.
 

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -42,7 +41,7 @@ def stable(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64
     return both & ((1 << bits) - 1), both >> bits
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _by_bits(values, spare, first, last):
     """Whole numbers, none below zero, sorted by their bits first..last; equal ones as they come.
 
@@ -76,7 +75,7 @@ def grouped(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int6
     return ordered[new], number
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sort_few(values):
     """Sort a few values in place, by insertion."""
     for i in range(1, len(values)):
@@ -141,7 +140,7 @@ def sums_around(
     return sums, place
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_ranges(rising, step, far, before, total):
     """Add to each row the values of rows whose numbers lie in ranges around its own.
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def numbered(xyz, size, margin):
     """Number of the square of each point, row by row, and how far apart rows are.
 
@@ -33,7 +32,7 @@ def _whole(value, size):
     return int(np.floor(value / size))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def shared_by_two(above, blocks, reach, width, lower, upper):
     """Add each height to the classes of its block whose middles are below and above it.
 
@@ -49,7 +48,7 @@ def shared_by_two(above, blocks, reach, width, lower, upper):
             upper[blocks[i], k + 1] += part
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tops(squares, chosen, xyz, size):
     """Number of the chosen points of each square, and the highest of them; infinite without any."""
     counts, top = np.zeros(size, np.int64), np.full(size, np.inf)
@@ -61,7 +60,7 @@ def tops(squares, chosen, xyz, size):
     return counts, top
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def layers_above(squares, xyz, top, metre, clear, thick):
     """Squares of the points that are `clear` metres above the top of theirs, and their layers."""
     above, layers, count = np.empty_like(squares), np.empty_like(squares), 0
@@ -73,7 +72,7 @@ def layers_above(squares, xyz, top, metre, clear, thick):
     return above[:count], layers[:count]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ends(squares, xyz, size):
     """Lowest and highest height of the points of each square."""
     low, high = np.full(size, np.inf), np.full(size, -np.inf)
@@ -83,7 +82,7 @@ def ends(squares, xyz, size):
     return low, high
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def bottoms(squares, kept, xyz, size):
     """Lowest height of the kept points of each square, infinite without any."""
     low = np.full(size, np.inf)
@@ -93,7 +92,7 @@ def bottoms(squares, kept, xyz, size):
     return low
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def near_bottom(squares, kept, xyz, low, reach):
     """Whether each point is kept, and less than `reach` above the lowest of its square."""
     near = np.zeros(len(squares), np.bool_)
@@ -102,7 +101,7 @@ def near_bottom(squares, kept, xyz, low, reach):
     return near
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def held(squares, number, kept):
     """Indices of the kept points whose square has a number from 0 on."""
     count = 0
@@ -118,7 +117,7 @@ def held(squares, number, kept):
     return index
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def slice_ends(xyz, thick):
     """Lowest and highest number of the slices of height that hold points."""
     lowest, highest = np.inf, -np.inf
@@ -128,7 +127,7 @@ def slice_ends(xyz, thick):
     return lowest, highest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_slices(squares, xyz, thick, lowest, highest, span):
     """Make numbers of squares those of slices, of which each square has `span`, the first empty.
 

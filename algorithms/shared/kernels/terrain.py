@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.sets import root
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def steps(z, first, last, reach, slope, out):
     """The largest step down from each cell to one within `reach`, minus what `slope` explains."""
     rows, cols = z.shape
@@ -100,7 +99,7 @@ def _is_abrupt(step, r, c, south, east, least):
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def raised(
     first,
     last,
@@ -149,7 +148,7 @@ def raised(
             out[r, c] = votes / max(count, 4)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def levelled(first, last, votes, z, reach, step, slope, out):
     """Mean of the votes around each cell, over cells at about the same height."""
     rows, cols = z.shape
@@ -181,7 +180,7 @@ def _add_alike(here, there, limit, votes, total, count):
         count[c] += np.float32(1.0) if same else np.float32(0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sections(z, step, parent):
     """Set `parent` of each cell to the first one of its section, -1 where there is no data.
 
@@ -205,7 +204,7 @@ def sections(z, step, parent):
             parent[cell] = root(parent, cell)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def borders(z, parent, slope, least, seen, falls, unseen):
     """Count sides of cells at the border of each section, by the first cell of the section.
 
@@ -236,7 +235,7 @@ def borders(z, parent, slope, least, seen, falls, unseen):
                 unseen[way, own] += not is_seen
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gathered(z, surface, weight, level, weights, residuals):
     """Sums of the weights, and of weight times z - surface, over cells of 2**level metres."""
     size = 1 << level
@@ -251,7 +250,7 @@ def gathered(z, surface, weight, level, weights, residuals):
             weights[i, j], residuals[i, j] = total, product
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def planes(first, last, weights, residuals, sigma, enough, stiff, out):
     """Height of the plane fitted to the residuals around each cell.
 
@@ -310,7 +309,7 @@ def planes(first, last, weights, residuals, sigma, enough, stiff, out):
             out[r, c] = (v - east * x - south * y) * trust
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_bilinear(surface, coarse, level):
     """Add a surface with cells of 2**level metres to a surface, interpolated bilinearly."""
     size = 1 << level
@@ -341,7 +340,7 @@ def _between(surface, y, x):
     return height, math.sqrt(east * east + south * south)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight):
     """Weights of candidates by their residuals; they fall faster above the surface than below."""
     rows, cols = z.shape
@@ -375,7 +374,7 @@ def _place(xyz, k, metre, left, top, shape):
     return min(max(row, 0.0), shape[0] - 1.0), min(max(col, 0.0), shape[1] - 1.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def heights_above(first, last, xyz, metre, left, top, surface, height):
     """Height above the surface in metres; NaN outside.
 
@@ -388,7 +387,7 @@ def heights_above(first, last, xyz, metre, left, top, surface, height):
             height[k] = xyz[k, 2] / metre - _between(surface, row, col)[0]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def verdicts(
     first,
     last,
@@ -438,7 +437,7 @@ def verdicts(
         confidence[k] = min(max(sure, 0.0), 1.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def blocks_of(cells, cols, out):
     """The block of 8 x 8 cells of each cell of a raster with `cols` columns, counted by row."""
     for k in range(len(cells)):

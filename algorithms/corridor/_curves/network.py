@@ -291,9 +291,7 @@ def clearness(corridor: Corridor, curve: Floats, count: int) -> float:
     bins = max(1, int(length / max(2.0, 3 * length / count)))
     tubed, shelled = np.zeros(bins, np.int64), np.zeros(bins, np.int64)
     air = corridor.air
-    kernels.profile(
-        curve, length / bins, corridor.tolerance, air.xyz, air.start, *air.plan_grid, tubed, shelled
-    )
+    kernels.profile(curve, length / bins, corridor.tolerance, air.cells, tubed, shelled)
     return float(np.mean((tubed > 0) & (2 * tubed >= shelled)))
 
 

@@ -67,9 +67,11 @@ class Airborne:
         return cls(np.ascontiguousarray(xyz[order]), order, start, west, south, rows, cols)
 
     @property
-    def plan_grid(self) -> tuple[float, float, float, int, int]:
-        """The cells in the form in which the kernels take them."""
-        return self.west, self.south, PLAN_CELL, self.rows, self.cols
+    def cells(self) -> kernels.Cells:
+        """The points and cells in the form in which the kernels take them."""
+        return kernels.Cells(
+            self.xyz, self.start, self.west, self.south, PLAN_CELL, self.rows, self.cols
+        )
 
     def select(self, which: Mask) -> Airborne:
         """Some of the points in the same cells."""
@@ -106,17 +108,7 @@ class Airborne:
             curve.swing,
         )
         found, away = self._scratch
-        count = kernels.tube(
-            shape,
-            float(low),
-            float(high),
-            float(radius),
-            self.xyz,
-            self.start,
-            *self.plan_grid,
-            found,
-            away,
-        )
+        count = kernels.tube(shape, float(low), float(high), float(radius), self.cells, found, away)
         order = np.argsort(found[:count])
         return found[:count][order], away[:count][order]
 
@@ -197,8 +189,7 @@ def seeds(points: Airborne, voxel: Ints, tolerance: float, ctx: Context) -> tupl
     _, first = np.unique(voxel, return_index=True)
     score, heading = np.zeros(len(first)), np.zeros((len(first), 3))
     side_by_side(
-        *(kernels.straightness, blocks(len(first), 2000), first, points.xyz, points.start),
-        *points.plan_grid,
+        *(kernels.straightness, blocks(len(first), 2000), first, points.cells),
         SETTINGS.trace.seed_reach,
         tolerance,
         SETTINGS.trace.steepest,
@@ -244,17 +235,8 @@ def trace_all(
         if used[seed]:
             continue
         count = kernels.trace(
-            following(),
-            seed,
-            heading,
-            points.xyz,
-            points.start,
-            *points.plan_grid,
-            SETTINGS.trace.seed_reach,
-            tolerance,
-            max_gap,
-            curve,
-            found,
+            *(following(), seed, heading, points.cells, SETTINGS.trace.seed_reach),
+            *(tolerance, max_gap, curve, found),
         )
         used[seed] = True
         mine = found[:count].copy()

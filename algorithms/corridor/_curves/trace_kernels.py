@@ -1,6 +1,5 @@
 """Compiled loops of :mod:`algorithms.corridor._curves.trace`. All lengths are metres.
 
-Points lie in the order of square plan cells, row by row; `start` says where each cell begins.
 A curve is an array: origin x, y; direction x, y; ends low, high of the distance u from
 the origin along it; three coefficients each of the offset to the left, and of the height, in t =
 (u - middle) / half; middle and half.
@@ -12,6 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from algorithms.shared.kernels.compiling import helper, kernel
 
@@ -38,6 +38,24 @@ class Following(NamedTuple):
     least_rms: float
     widest: float
     resuming_share: float
+
+
+class Cells(NamedTuple):
+    """Points in the order of square cells in plan, row by row.
+
+    Attributes
+    ----------
+    xyz : array of shape (n, 3)
+    start : where each cell begins
+    """
+
+    xyz: NDArray[np.float64]
+    start: NDArray[np.int64]
+    west: float
+    south: float
+    size: float
+    rows: int
+    cols: int
 
 
 @kernel
@@ -77,46 +95,31 @@ def crowding(keys, masks, offsets, first, last, out):
 
 
 @helper
-def _cells(x, y, radius, west, south, cell, rows, cols):
+def _around(x, y, radius, cells):
     """First and last row and column of the cells that meet a square, clipped to the lattice."""
-    r0 = min(max(0, int((y - radius - south) / cell)), rows - 1)
-    r1 = max(0, min(rows - 1, int((y + radius - south) / cell)))
-    c0 = min(max(0, int((x - radius - west) / cell)), cols - 1)
-    c1 = max(0, min(cols - 1, int((x + radius - west) / cell)))
+    r0 = min(max(0, int((y - radius - cells.south) / cells.size)), cells.rows - 1)
+    r1 = max(0, min(cells.rows - 1, int((y + radius - cells.south) / cells.size)))
+    c0 = min(max(0, int((x - radius - cells.west) / cells.size)), cells.cols - 1)
+    c1 = max(0, min(cells.cols - 1, int((x + radius - cells.west) / cells.size)))
     return r0, r1, c0, c1
 
 
 @kernel
-def straightness(
-    first,
-    last,
-    seeds,
-    xyz,
-    start,
-    west,
-    south,
-    cell,
-    rows,
-    cols,
-    reach,
-    tube,
-    steepest,
-    score,
-    heading,
-):
+def straightness(first, last, seeds, cells, reach, tube, steepest, score, heading):
     """Score the seeds first..last by the metres of the best line through each that hold points.
 
     They count the less the farther they are off the line, as those of a line across several wires
     are. Points in a shell around it, thrice as wide as the tube, count against it. `heading`
     receives the direction of the line.
     """
+    xyz, start, cols = cells.xyz, cells.start, cells.cols
     near = np.empty((4096, 3))
     bins = int(2 * reach) + 2
     inside = np.empty(bins, np.bool_)
     for s in range(first, last):
         x, y, z = xyz[seeds[s], 0], xyz[seeds[s], 1], xyz[seeds[s], 2]
         n = 0
-        r0, r1, c0, c1 = _cells(x, y, reach, west, south, cell, rows, cols)
+        r0, r1, c0, c1 = _around(x, y, reach, cells)
         for r in range(r0, r1 + 1):
             for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
                 dx, dy, dz = xyz[i, 0] - x, xyz[i, 1] - y, xyz[i, 2] - z
@@ -163,16 +166,15 @@ def _values(curve, u):
 
 
 @helper
-def _gather(
-    by, curve, low, high, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, count
-):
+def _gather(by, curve, low, high, tolerance, spread, cells, found, count):
     """Append to `found` the points near the curve with u from low to high; the new count.
 
     `spread` is the inverse normal matrix of the fit, by which the tolerance grows away from what
     is known.
     """
+    xyz, start, cols = cells.xyz, cells.start, cells.cols
     most = by.widest * tolerance
-    pieces = max(1, math.ceil((high - low) / cell))
+    pieces = max(1, math.ceil((high - low) / cells.size))
     for p in range(pieces):
         a = low + (high - low) * p / pieces
         b = low + (high - low) * (p + 1) / pieces
@@ -180,7 +182,7 @@ def _gather(
         v, _ = _values(curve, u)
         x = curve[CURVE_X] + u * curve[CURVE_EX] - v * curve[CURVE_EY]
         y = curve[CURVE_Y] + u * curve[CURVE_EY] + v * curve[CURVE_EX]
-        r0, r1, c0, c1 = _cells(x, y, 0.5 * (b - a) + most + 0.5, west, south, cell, rows, cols)
+        r0, r1, c0, c1 = _around(x, y, 0.5 * (b - a) + most + 0.5, cells)
         for r in range(r0, r1 + 1):
             for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
                 dx, dy = xyz[i, 0] - curve[CURVE_X], xyz[i, 1] - curve[CURVE_Y]
@@ -305,47 +307,16 @@ def _keep_near(curve, found, count, tolerance, xyz):
 
 
 @helper
-def _begin(
-    by,
-    seed,
-    heading,
-    xyz,
-    start,
-    west,
-    south,
-    cell,
-    rows,
-    cols,
-    reach,
-    tolerance,
-    curve,
-    found,
-    spread,
-):
+def _begin(by, seed, heading, cells, reach, tolerance, curve, found, spread):
     """Fit the first curve to the points around a seed; their number, 0 if there are too few."""
+    xyz = cells.xyz
     flat = math.sqrt(heading[0] ** 2 + heading[1] ** 2)
     curve[:] = 0.0
     curve[CURVE_X], curve[CURVE_Y] = xyz[seed, 0], xyz[seed, 1]
     curve[CURVE_EX], curve[CURVE_EY] = heading[0] / flat, heading[1] / flat
     curve[CURVE_HALF] = 1.0
     curve[CURVE_Z], curve[CURVE_Z + 1] = xyz[seed, 2], heading[2] / flat
-    count = _gather(
-        by,
-        curve,
-        -reach,
-        reach,
-        tolerance,
-        spread,
-        xyz,
-        start,
-        west,
-        south,
-        cell,
-        rows,
-        cols,
-        found,
-        0,
-    )
+    count = _gather(by, curve, -reach, reach, tolerance, spread, cells, found, 0)
     if count < 4 or not _fit(by, curve, found, count, tolerance, xyz, spread, 5):
         return 0
     count = _keep_near(curve, found, count, tolerance, xyz)
@@ -355,45 +326,13 @@ def _begin(
 
 
 @kernel
-def trace(
-    by,
-    seed,
-    heading,
-    xyz,
-    start,
-    west,
-    south,
-    cell,
-    rows,
-    cols,
-    reach,
-    tolerance,
-    max_gap,
-    curve,
-    found,
-):
+def trace(by, seed, heading, cells, reach, tolerance, max_gap, curve, found):
     """Trace a wire from a seed in both directions; the number of its points.
 
     `curve` and `found` are filled in; `by` is :class:`Following`.
     """
-    spread = np.zeros((2, 3, 3))
-    count = _begin(
-        by,
-        seed,
-        heading,
-        xyz,
-        start,
-        west,
-        south,
-        cell,
-        rows,
-        cols,
-        reach,
-        tolerance,
-        curve,
-        found,
-        spread,
-    )
+    xyz, spread = cells.xyz, np.zeros((2, 3, 3))
+    count = _begin(by, seed, heading, cells, reach, tolerance, curve, found, spread)
     if count == 0:
         return 0
     gaps = np.zeros(2)  # looked into without finding anything, behind and ahead
@@ -412,23 +351,7 @@ def trace(
                 high = curve[CURVE_LOW] - gaps[side] - 1e-9
                 low = high - look
             before = count
-            count = _gather(
-                by,
-                curve,
-                low,
-                high,
-                tolerance,
-                spread,
-                xyz,
-                start,
-                west,
-                south,
-                cell,
-                rows,
-                cols,
-                found,
-                count,
-            )
+            count = _gather(by, curve, low, high, tolerance, spread, cells, found, count)
             usual = before / max(length, 1.0)
             needed = 1.0 if gaps[side] == 0.0 else max(3.0, by.resuming_share * usual * look)
             if count - before >= needed:
@@ -450,14 +373,15 @@ def trace(
 
 
 @kernel
-def profile(curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed, shelled):
+def profile(curve, step, tube, cells, tubed, shelled):
     """Count points in a tube around a curve, and in the shell around that, per step along it."""
+    xyz, start, cols = cells.xyz, cells.start, cells.cols
     for k in range(len(tubed)):
         u = curve[CURVE_LOW] + (k + 0.5) * step
         v, _ = _values(curve, u)
         x = curve[CURVE_X] + u * curve[CURVE_EX] - v * curve[CURVE_EY]
         y = curve[CURVE_Y] + u * curve[CURVE_EY] + v * curve[CURVE_EX]
-        r0, r1, c0, c1 = _cells(x, y, 0.5 * step + 3 * tube, west, south, cell, rows, cols)
+        r0, r1, c0, c1 = _around(x, y, 0.5 * step + 3 * tube, cells)
         for r in range(r0, r1 + 1):
             for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
                 dx, dy = xyz[i, 0] - curve[CURVE_X], xyz[i, 1] - curve[CURVE_Y]
@@ -474,15 +398,16 @@ def profile(curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed,
 
 
 @kernel
-def tube(shape, low, high, radius, xyz, start, west, south, cell, rows, cols, found, away):
+def tube(shape, low, high, radius, cells, found, away):
     """Fill in the points within a radius of a catenary, from u = low to high; their number.
 
     `shape` holds x, y, ex, ey, u0, z0, curvature, the chord's height at 0 and its slope, v0, v1 and
     swing of :class:`algorithms.corridor._curves.catenary.Catenary`.
     """
+    xyz, start, cols = cells.xyz, cells.start, cells.cols
     x0, y0, ex, ey, u0, z0, k, chord, slope, v0, v1, swing = shape
     count = 0
-    pieces = max(1, math.ceil((high - low) / cell))
+    pieces = max(1, math.ceil((high - low) / cells.size))
     for p in range(pieces):
         a = low + (high - low) * p / pieces
         b = low + (high - low) * (p + 1) / pieces
@@ -490,7 +415,7 @@ def tube(shape, low, high, radius, xyz, start, west, south, cell, rows, cols, fo
         z = z0 + 2 * math.sinh(0.5 * k * (u - u0)) ** 2 / k
         v = v0 + v1 * u + swing * (chord + slope * u - z)
         x, y = x0 + u * ex - v * ey, y0 + u * ey + v * ex
-        r0, r1, c0, c1 = _cells(x, y, 0.5 * (b - a) + radius + 0.5, west, south, cell, rows, cols)
+        r0, r1, c0, c1 = _around(x, y, 0.5 * (b - a) + radius + 0.5, cells)
         for r in range(r0, r1 + 1):
             for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
                 dx, dy = xyz[i, 0] - x0, xyz[i, 1] - y0

@@ -22,7 +22,7 @@ os.environ["TOOLBOX_HISTORY"] = ""  # runs of tests are none of the user
 
 ROOT = Path(__file__).resolve().parents[1]
 SLOW = Path(__file__).with_name("slow.txt")  # tests that were measured to be slow, a line each
-LONGEST = 0.25  # seconds of processor time of a test that is not slow
+LONGEST = 0.1  # seconds of processor time of a test that is not slow
 DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", ROOT.parent / "shared" / "data"))
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -33,7 +33,7 @@ from toolbox.runs.lineage import (
     tell_empty,
     telling,
 )
-from toolbox.runs.provenance import Count
+from toolbox.runs.provenance import Count, Record
 from toolbox.runs.results import Results
 from toolbox.runs.source import Sources
 from toolbox.runs.target import Target
@@ -118,18 +118,11 @@ def run(
             f'{id}: give inputs and outputs in one dict, as run("{id}", {{"points": "a.laz"}}); '
             f"got {got}{meant}"
         )
+    values = {**values, PICTURE: picture} if picture is not None else values
     with listening() as warnings:
-        return _run(
-            id,
-            values,
-            Told(warnings=warnings),
-            overwrite=overwrite,
-            assume_crs=assume_crs,
-            picture=picture,
-            tiling=tiling,
-            resume=resume,
-            ctx=ctx,
-        )
+        how = {"overwrite": overwrite, "resume": resume}
+        asked = _Asked.of(id, values, tiling, assume_crs, Told(warnings=warnings), **how)
+        return asked.in_tiles(tiling, ctx) if tiling else asked.whole(ctx)
 
 
 OPTIONS = tuple(
@@ -140,85 +133,132 @@ OPTIONS = tuple(
 """The names of the options of a run, beside its inputs and outputs."""
 
 
-def _run(
-    id: str,
-    values: Mapping[str, Any],
-    told: Told,
-    *,
-    overwrite: bool,
-    assume_crs: str | CRS | None,
-    picture: str | Path | None,
-    tiling: Tiling | None,
-    resume: bool,
-    ctx: Context,
-) -> Results:
-    """Run a tool; what it tells is noted."""
-    spec = catalog.load(id)
-    values = renamed.values(spec.id, values)
-    values = {**values, PICTURE: picture} if picture is not None else values
-    results = spec.results.keys() | SHOWN
-    given = {name: value for name, value in values.items() if name not in results}
-    wanted = {n: v for n, v in values.items() if n in results and v is not None}
-    reads = sources.of_run(given, spec)
-    writes = delivery.of_run(wanted, spec)
-    whole = spec
-    if isinstance(spec, Model):
-        given = {**(spec.handed if delivery.is_asked(writes) else {}), **given}
-        spec = spec.wanting(target.output for target in writes.values())
-    settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
-    delivery.tell_missing(writes)
-    _tell_idle(whole, [n for n in spec.idle(settings) if given.get(n) is not None])
-    spec = spec.under(settings)
-    crs = _crs(assume_crs, id)
-    files = Reading.of(read_files(sources.paths(reads)))
-    reading = files if writes else None
-    model = Path(id) if id.endswith(catalog.MODEL) else None
-    describe = partial(record_of, spec, settings, assume_crs=crs, model=model)
-    if tiling:
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked of a tool, checked as far as can be done without the data."""
+
+    id: str
+    spec: Spec
+    given: frozenset[str]
+    settings: Mapping[str, Any]
+    reads: Sources
+    writes: Mapping[str, Target]
+    files: Reading
+    crs: CRS | None
+    told: Told
+    overwrite: bool
+    resume: bool
+
+    @classmethod
+    def of(
+        cls,
+        id: str,
+        values: Mapping[str, Any],
+        tiling: Tiling | None,
+        assume_crs: str | CRS | None,
+        told: Told,
+        *,
+        overwrite: bool,
+        resume: bool,
+    ) -> _Asked:
+        """Check the values, and warn of those that are idle."""
+        spec = catalog.load(id)
+        values = renamed.values(spec.id, values)
+        results = spec.results.keys() | SHOWN
+        given = {name: value for name, value in values.items() if name not in results}
+        wanted = {n: v for n, v in values.items() if n in results and v is not None}
+        reads, writes = sources.of_run(given, spec), delivery.of_run(wanted, spec)
+        whole = spec
+        if isinstance(spec, Model):
+            given = {**(spec.handed if delivery.is_asked(writes) else {}), **given}
+            spec = spec.wanting(target.output for target in writes.values())
+        settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
+        delivery.tell_missing(writes)
+        _tell_idle(whole, [n for n in spec.idle(settings) if given.get(n) is not None])
+        names = frozenset(given)
+        spec, crs = spec.under(settings), _crs(assume_crs, id)
+        files = Reading.of(read_files(sources.paths(reads)))
+        return cls(id, spec, names, settings, reads, writes, files, crs, told, overwrite, resume)
+
+    @property
+    def reading(self) -> Reading | None:
+        """The files that a record of the run names; none is made where nothing is written."""
+        return self.files if self.writes else None
+
+    @property
+    def describe(self) -> Callable[..., Record]:
+        """Make the record of the run from what was read."""
+        model = Path(self.id) if self.id.endswith(catalog.MODEL) else None
+        return partial(record_of, self.spec, self.settings, assume_crs=self.crs, model=model)
+
+    def record(self, ctx: Context) -> Record | None:
+        """The record of the run, if something is written."""
+        return self.describe(self.reads, self.reading, ctx=ctx) if self.reading else None
+
+    def in_tiles(self, tiling: Tiling, ctx: Context) -> Results:
+        """Run the tool on the points of a tile at a time."""
         from toolbox.tiles import engine as tiles
 
-        with delivery.folder_of(writes):
+        with delivery.folder_of(self.writes):
             made = tiles.run(
-                id,
-                spec,
-                settings,
-                reads,
-                writes,
+                self.id,
+                self.spec,
+                self.settings,
+                self.reads,
+                self.writes,
                 tiling,
-                reading=reading,
-                record=describe(reads, reading, ctx=ctx.part(0, HASH)) if reading else None,
-                overwrite=overwrite,
-                resume=resume,
-                assume_crs=crs,
-                told=told,
-                ctx=ctx.part(HASH if writes else 0, 1),
+                reading=self.reading,
+                record=self.record(ctx.part(0, HASH)),
+                overwrite=self.overwrite,
+                resume=self.resume,
+                assume_crs=self.crs,
+                told=self.told,
+                ctx=ctx.part(HASH if self.writes else 0, 1),
             )
-        return Results.of(spec, made)
-    layers = sources.opened(spec, reads, crs, reading, ctx.part(0, READ - HASH))
-    given_layers = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
-    targets.check_crs(spec.id, writes, given_layers)
-    cells.check(spec, settings, layers)
-    _tell_lengths(spec, {n: settings[n] for n in given if n in settings}, layers)
-    record = describe(reads, reading, ctx=ctx.part(READ - HASH, READ)) if reading else None
-    if reading:
-        reading.check_unchanged()
-    job = spec.build(settings | layers)
-    asked, counts = _between(spec, writes), list[Count]()
-    runner = Cache().runner(counting(counts)) if resume else counting(counts)
-    runner = telling(told, runner)
-    told.given = layers
-    if isinstance(job, ModelRun):
-        result = replace(job, keep=frozenset(asked), runner=runner).run(ctx.part(READ, WRITE))
-    else:
-        result = runner(id, job, ctx.part(READ, WRITE))
-    found = {name: getattr(result, name) for name in [*spec.outputs, *asked]}
-    tell_empty(spec, sizes_of(found), writes.values(), told)
-    record = record and replace(record, counts=tuple(counts))
-    part = ctx.part(WRITE, 1)
-    made = _written(spec, found, writes, part, record=record, told=told, overwrite=overwrite)
-    in_memory = {name: value for name, value in made.items() if value is found.get(name)}
-    remember(in_memory, reads, files, describe, counts)
-    return made
+        return Results.of(self.spec, made)
+
+    def whole(self, ctx: Context) -> Results:
+        """Run the tool on all points at once."""
+        spec, writes, counts = self.spec, self.writes, list[Count]()
+        layers = self._opened(ctx.part(0, READ - HASH))
+        record = self.record(ctx.part(READ - HASH, READ))
+        if self.reading:
+            self.reading.check_unchanged()
+        found = self._made(layers, counts, ctx.part(READ, WRITE))
+        tell_empty(spec, sizes_of(found), writes.values(), self.told)
+        how = {
+            "record": record and replace(record, counts=tuple(counts)),
+            "told": self.told,
+            "overwrite": self.overwrite,
+        }
+        made = _written(spec, found, writes, ctx.part(WRITE, 1), **how)
+        in_memory = {name: value for name, value in made.items() if value is found.get(name)}
+        remember(in_memory, self.reads, self.files, self.describe, counts)
+        return made
+
+    def _opened(self, ctx: Context) -> dict[str, Any]:
+        """The layers of the sources, checked with the settings that depend on them."""
+        spec = self.spec
+        layers = sources.opened(spec, self.reads, self.crs, self.reading, ctx)
+        each = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
+        targets.check_crs(spec.id, self.writes, each)
+        cells.check(spec, self.settings, layers)
+        lengths = {n: value for n, value in self.settings.items() if n in self.given}
+        _tell_lengths(spec, lengths, layers)
+        return layers
+
+    def _made(self, layers: Mapping[str, Any], counts: list[Count], ctx: Context) -> dict[str, Any]:
+        """Run the tool or model; its results by name, and those of steps that are written."""
+        job = self.spec.build({**self.settings, **layers})
+        between = _between(self.spec, self.writes)
+        runner = Cache().runner(counting(counts)) if self.resume else counting(counts)
+        runner = telling(self.told, runner)
+        self.told.given = layers
+        if isinstance(job, ModelRun):
+            result = replace(job, keep=frozenset(between), runner=runner).run(ctx)
+        else:
+            result = runner(self.id, job, ctx)
+        return {name: getattr(result, name) for name in [*self.spec.outputs, *between]}
 
 
 def _written(

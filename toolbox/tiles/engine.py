@@ -116,12 +116,10 @@ def run(
         reading.check_unchanged()  # since they were hashed; from now on the survey does so
     check_crs(spec.id, targets, surveys.values())
     survey = next(iter(surveys.values()))  # the one whose tiles are run
-    metre, size = survey.metre, tiling.size or suitable_size(survey, plan, tiling)
-    if size < (least := max(plan.halo / 20, SMALLEST)):
-        raise ParameterError(spec.id, {"tile": f"must be at least {least:g} m here, got {size:g}"})
-    log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
+    size = _size(spec, survey, plan, tiling)
     cells.check(spec, settings, surveys, size + 2 * plan.halo)
     others = {n: items for n, items in sources.items() if n not in surveys}
+    las = {plan.stored[t.output] for t in targets.values() if t.output in plan.stored and t.is_las}
     job = TileJob(
         Path(),
         str(Path(id).absolute()) if id.endswith(MODEL) else id,
@@ -133,11 +131,9 @@ def run(
         given={},
         before={},
         keep=frozenset(plan.keep),
-        las=frozenset(
-            plan.stored[t.output] for t in targets.values() if t.output in plan.stored and t.is_las
-        ),
-        halo=reach_of(plan.halo, metre),
-        grid=TileGrid(size * metre),
+        las=frozenset(las),
+        halo=reach_of(plan.halo, survey.metre),
+        grid=TileGrid(size * survey.metre),
     )
     told.given = surveys | job.layers
     products = _products(plan, targets, survey)
@@ -148,13 +144,7 @@ def run(
     ):
         try:
             crew = Crew(workers, spec.id, work, job, plan, told)
-            rim = RIM if plan.gives_rasters else 0.0
-            tiles = crew.split(rim * metre, ctx.part(0, STORED))
-            for number in range(len(plan.passes)):
-                edges = (STORED + (DONE - STORED) * (number + k) / len(plan.passes) for k in (0, 1))
-                crew.run_pass(number, tiles, ctx.part(*edges))
-                if crew.failures:
-                    break
+            _pass_by_pass(crew, plan, survey.metre, ctx)
             if reading:
                 of_others = (source.files for items in others.values() for source in items)
                 reading.check_unchanged(read_files(itertools.chain(*of_others)))
@@ -165,6 +155,26 @@ def run(
             if reading:  # else nothing is kept
                 log.warning("stopped; --resume goes on from here, with what is kept in %s", work)
             raise
+
+
+def _size(spec: Spec, survey: Survey, plan: TilePlan, tiling: Tiling) -> float:
+    """Side of the tiles, metres: the one asked for, if their neighbourhoods allow it."""
+    size = tiling.size or suitable_size(survey, plan, tiling)
+    if size < (least := max(plan.halo / 20, SMALLEST)):
+        raise ParameterError(spec.id, {"tile": f"must be at least {least:g} m here, got {size:g}"})
+    log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
+    return size
+
+
+def _pass_by_pass(crew: Crew, plan: TilePlan, metre: float, ctx: Context) -> None:
+    """Store the points by tiles, and run each part of the plan on all tiles, until one fails."""
+    rim = RIM if plan.gives_rasters else 0.0
+    tiles = crew.split(rim * metre, ctx.part(0, STORED))
+    for number in range(len(plan.passes)):
+        edges = (STORED + (DONE - STORED) * (number + k) / len(plan.passes) for k in (0, 1))
+        crew.run_pass(number, tiles, ctx.part(*edges))
+        if crew.failures:
+            break
 
 
 def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[Product]:

@@ -60,6 +60,7 @@ KNOWN = 0.02  # m, interval of a level that others can be told to be equal to
 OVERLAP = 0.2  # share of a level place that is water found: its rest is not told of
 BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
 ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
+STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
 LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
@@ -110,6 +111,7 @@ def find_water(
         bodies = joined(cells, [water.body for water in found])
         if k + 1 >= ROUNDS and len(bodies) == len(found):
             break
+    found = _without_steep(cells, found)  # of whose pieces some would be level
     found = [part for water in found for part in _parted(points, cells, pour.least, water)]
     found = [reach for water in found for reach in _reaches(points, cells, pour.least, water)]
     ctx.progress(1.0)
@@ -148,6 +150,24 @@ def _reaches(points: Returns, cells: CellGrid, least: int, water: Water) -> list
         return [water]
     found = with_levels(points, cells, parts)
     return [reach for part in found for reach in _reaches(points, cells, least, part)]
+
+
+def _without_steep(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
+    """Waters but for places that fall as no smooth surface does, such as a gap on a hillside.
+
+    Streams so steep fall in steps and cascades (Montgomery and Buffington, 1997, Channel-reach
+    morphology in mountain drainage basins).
+    """
+    tilts = [_tilt(cells, water) for water in found]
+    most = STEEPEST * cells.lattice.cell
+    flat = [one for one, t in zip(found, tilts, strict=True) if math.hypot(t.south, t.east) <= most]
+    if len(flat) < len(found):
+        log.info(
+            "%d places fall by more than %.0f %%, and are no water: hillsides, or a torrent",
+            len(found) - len(flat),
+            100 * STEEPEST,
+        )
+    return flat
 
 
 def _is_road(cells: CellGrid, water: Water) -> bool:

@@ -15,7 +15,7 @@ import pytest
 import shapely
 from pyproj import CRS
 from scenes import waters
-from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
+from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, UTM, columns, lake, river, slope
 
 from algorithms.samples.scene import scene
 from algorithms.shoreline import extract as tool
@@ -130,6 +130,32 @@ def test_dry_land_gives_nothing_and_says_so(rise: float, caplog: Any) -> None:
     assert found.level is None
     assert found.area == 0
     assert "no water was found" in caplog.text
+
+
+def hillside(seed: int, rise: float) -> PointCloud:
+    """A slope of 300 x 200 m, less at its foot: the data end in a notch, a dark road beside it."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 300, 30_000), rng.uniform(0, 200, 30_000)
+    z = rise * x + 0.0008 * np.maximum(y - 30, 0) ** 2 + rng.normal(0, 0.03, len(x))
+    intensity = np.where((y > 39) & (y < 50), rng.normal(120, 20, len(x)), 300).astype(np.uint16)
+    kept = (x < 50) | (x > 250) | (y > 40)
+    xyz = np.round(np.column_stack([x, y, z])[kept], 3) + ORIGIN
+    single = np.zeros(len(xyz), bool)
+    return PointCloud(xyz, columns(intensity[kept], single), crs=UTM, name="hillside.laz")
+
+
+@pytest.mark.parametrize("rise", [0.06, 0.12])
+def test_a_notch_of_the_data_on_a_hillside_is_no_river(
+    rise: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    assert extract(hillside(0, rise), bodies="all", sloped=True).count == 0
+    assert "fall by more than 3 %" in caplog.text
+
+
+def test_a_steep_river_is_one() -> None:
+    row = only(extract(river(fall=0.025, returned=0.3), sloped=True))
+    assert row.slope == pytest.approx(0.025, rel=0.02)
 
 
 def test_what_would_run_off_is_no_water() -> None:

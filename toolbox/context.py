@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -13,6 +14,7 @@ from toolbox.errors import Cancelled
 
 log = logging.getLogger("toolbox")
 Value = TypeVar("Value")
+_NAMES: ContextVar[Mapping[str, str] | None] = ContextVar("names", default=None)
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,40 @@ def digest(*inputs: Any) -> bytes:
         else:
             made.update(f"{type(value).__name__} {value!r};".encode())
     return made.digest()
+
+
+@contextmanager
+def settings_named(names: Mapping[str, str]) -> Iterator[None]:
+    """Say that a step of a model runs, whose settings the user gives by other names, or not at all.
+
+    Parameters
+    ----------
+    names : inputs of the model by the setting of the step that each is handed on to
+    """
+    outer = _NAMES.get()
+    own = names if outer is None else {n: outer[m] for n, m in names.items() if m in outer}
+    token = _NAMES.set(own)
+    try:
+        yield
+    finally:
+        _NAMES.reset(token)
+
+
+def setting_name(setting: str) -> str | None:
+    """The name by which the user gives a setting of the running tool; None where nobody can.
+
+    A message that says what to do names no other settings.
+
+    Examples
+    --------
+    >>> setting_name("classes")
+    'classes'
+    >>> with settings_named({"classes": "ground_classes"}):
+    ...     setting_name("classes"), setting_name("level_alone")
+    ('ground_classes', None)
+    """
+    names = _NAMES.get()
+    return setting if names is None else names.get(setting)
 
 
 @contextmanager

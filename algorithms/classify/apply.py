@@ -17,6 +17,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
+from toolbox.data.report import Column
 from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
@@ -75,7 +76,13 @@ class ClassifyApply:
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points with classes, probability and second_class")
-        drift: Table = sink("How unlike the training the features are, the most unlike first")
+        drift: Table = sink(
+            "How unlike the training the features are, the most unlike first",
+            columns={
+                "outside": Column("Points outside of the training", "%", 2),
+                "missing": Column("Points without it", "%", 2),
+            },
+        )
         outside: float = sink("Share of points with a feature beyond all of the training", unit="1")
         expected: float = sink(
             "Share of the points that is right, as far as their probabilities can tell", unit="1"

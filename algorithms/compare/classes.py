@@ -41,6 +41,7 @@ from algorithms.compare._unseen import (
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import Blocks, Clumping, Tallies, blocks
 from algorithms.shared.accuracy.certainty import warn_blocks, warn_clumps
+from algorithms.shared.accuracy.columns import MEASURES
 from algorithms.shared.ground import without_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
@@ -189,16 +190,20 @@ class CompareClasses:
         table: Table = sink("One row per measure of the class of interest, with intervals")
         accuracy: Table = sink("One row per measure of all classes, with intervals")
         classes: Table = sink(
-            "One row per class: its accuracies with intervals", label="Accuracy of each class"
+            "One row per class: its accuracies with intervals",
+            label="Accuracy of each class",
+            columns=MEASURES,
         )
         confusion: Table = sink(
             "Full confusion matrix: a row per reference class",
             show=show.Matrix("reference", ("total",)),
             label="Confusion matrix",
         )
-        strata: Table = sink("One row per value of the stratum, or one for all")
+        strata: Table = sink("One row per value of the stratum, or one for all", columns=MEASURES)
         difference: Table | None = sink("One row per measure of two classifications")
-        areas: Table | None = sink("Accuracy and area of each class, from a sample drawn by class")
+        areas: Table | None = sink(
+            "Accuracy and area of each class, from a sample drawn by class", columns=MEASURES
+        )
         errors: PointCloud = sink(
             "The points with the attribute `error`, whose values the help explains",
             show=show.Classes("error", OUTCOMES),

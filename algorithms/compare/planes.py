@@ -29,16 +29,32 @@ from algorithms.compare._outcomes import (
     NO_REFERENCE,
     REFERENCE_ALONE,
 )
+from algorithms.shared.accuracy.columns import MEASURES
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.plane_numbers import number_of_none, plane_numbers
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
+from toolbox.data.report import Column
 from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Row = dict[str, Any]
+
+COLUMNS = {
+    "reference": Column("Reference plane"),
+    "plane": Column("Found plane"),
+    "o": Column("Points found"),
+    "e": Column("Points of the reference"),
+    "intersection": Column("Points of both"),
+    "o_without_e": Column("Points found alone"),
+    "e_without_o": Column("Points of the reference alone"),
+    **{name: MEASURES[name] for name in ("correctness", "completeness", "iou")},
+    "pieces": Column("Pieces"),
+    "angle": Column("Angle between both", "°", 2),
+    "offset": Column("Distance of both", "unit", 3),
+}
 
 
 @tool(
@@ -112,7 +128,9 @@ class ComparePlanes:
 
     @outputs
     class Outputs:
-        table: Table = sink("All planes, each reference plane, and each invented one")
+        table: Table = sink(
+            "All planes, each reference plane, and each invented one", columns=COLUMNS
+        )
         differences: PointCloud = sink(
             "The points with the attribute difference",
             show=show.Classes("difference", DIFFERENCES, front_of="plane_id"),

@@ -20,12 +20,21 @@ from scipy.optimize import linear_sum_assignment
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
+from toolbox.data.report import Column
 from toolbox.declare import outputs, param, sink, source, tool
 
 STEP = 1.0  # metres between the positions that are compared
 OVERRUN, OVERRUN_SHARE = 5.0, 0.1  # metres, and of a wire, by which it may go on
 
 Floats = NDArray[np.float64]
+
+COLUMNS = {
+    "length": Column("Length", "m", 1),
+    "share": Column("Found of its length", "%", 1, 100.0),
+    "bias": Column("Mean height above it", "m", 3),
+    "rms": Column("Root mean square of heights", "m", 3),
+    "largest": Column("Largest height above or below", "m", 3),
+}
 
 
 @tool(
@@ -73,7 +82,9 @@ class CompareSpans:
 
     @outputs
     class Outputs:
-        table: Table = sink("One row per reference wire, and one per invented or doubled wire")
+        table: Table = sink(
+            "One row per reference wire, and one per invented or doubled wire", columns=COLUMNS
+        )
         spans: Table = sink("One row per reference span: its wires in full, in part, missed")
         in_full: int = sink("Spans found in full", unit="1")
         in_part: int = sink("Spans found in part", unit="1")

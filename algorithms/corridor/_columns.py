@@ -29,7 +29,7 @@ OBJECTS = {
     "severity": Column("Severity"),
     "kind": Column("Kind"),
     "rule": Column("Rule"),
-    "sd": Column("Standard deviation", "m", 2, detail=True),
+    "sd": Column("Standard deviation", "m", 2, detail=True, never_zero=True),
     "probability": Column("Probability that the rule is broken", "%", 0, 100.0, detail=True),
     "falls": Column("Gap to the wire when it falls (below 0: beyond it)", "m", 1),
     "height": Column("Height above the ground", "m", 1),
@@ -63,8 +63,18 @@ SPANS = {
     "wire_like": Column("Wire-like points beside it", "m", 0, detail=True),
     "length": Column("Length", "m", 1),
     "sag": Column("Sag", "m", 2),
-    "swing": Column("Swing", "°", 1, detail=True),
-    "clearance_sd": Column("Standard deviation of the clearance", "m", 2, detail=True),
+    "swing": Column("Swing of the wire that swings most", "°", 1, detail=True),
+    "swing_sd": Column(
+        "Standard deviation of the swing",
+        "°",
+        1,
+        meaning="Of the wires as surveyed: by the scatter of the points, and how much was seen",
+        detail=True,
+        never_zero=True,
+    ),
+    "clearance_sd": Column(
+        "Standard deviation of the clearance", "m", 2, detail=True, never_zero=True
+    ),
     **{
         kind: Column(f"To {word}", "m", 2)
         for kind, word in {
@@ -186,7 +196,7 @@ WIRES = {
     "expected": SPANS["expected"],
     "z_start": Column("Elevation at the start", "m", 2, detail=True),
     "z_end": Column("Elevation at the end", "m", 2, detail=True),
-    "sd_sag": Column("Standard deviation of the sag", "m", 3, detail=True),
+    "sd_sag": Column("Standard deviation of the sag", "m", 3, detail=True, never_zero=True),
 }
 
 TOWERS = {

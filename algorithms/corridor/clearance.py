@@ -110,6 +110,8 @@ NUMBER_COLUMNS = (
     "v1",
     "rms",
     "points",
+    "seen_from",
+    "seen_to",
 )
 BOUNDED_COLUMNS = {
     "span": (0.0, math.inf),

@@ -16,7 +16,7 @@ PLANES = {
     "tilt": Column("Tilt", "°", 1),
     "azimuth": Column("Azimuth", "°", 1),
     "rms": Column("Root mean square error", "unit", 3, detail=True),
-    "standard_error": Column("Standard error", "unit", 4, detail=True),
+    "standard_error": Column("Standard error", "unit", 4, detail=True, never_zero=True),
     "area": Column("Area", "unit²", 2),
     "length": Column("Length", "unit", 2),
     "width": Column("Width", "unit", 2, detail=True),

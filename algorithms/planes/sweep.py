@@ -23,6 +23,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
+from toolbox.data.report import Column
 from toolbox.declare import outputs, param, show, sink, source, tool
 
 OF_NOISE = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0)  # tolerances by default
@@ -84,6 +85,11 @@ class PlanesSweep:
                 dots=True,
                 dashed="knee",
             ),
+            columns={
+                "tolerance": Column("Tolerance", "m", 4),
+                "share": Column("Points on planes", "%", 1),
+                "largest": Column("Points of the largest plane"),
+            },
         )
         knee: float | None = sink("First tolerance after which little changes", unit="m")
         whole: float | None = sink("First tolerance after which fronts stay whole", unit="m")

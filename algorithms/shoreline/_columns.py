@@ -7,15 +7,15 @@ from toolbox.data.report import Column
 WATER = {
     "body": Column("Body"),
     "level": Column("Level", "unit", 3),
-    "level_error": Column("Standard error of the level", "unit", 3, detail=True),
-    "level_interval": Column("Uncertainty of the level (95 %)", "unit", 3),
+    "level_error": Column("Standard error of the level", "unit", 3, detail=True, never_zero=True),
+    "level_interval": Column("Uncertainty of the level (95 %)", "unit", 3, never_zero=True),
     "slope": Column("Slope of the level", "", 6, detail=True),
     "area": Column("Area", "m²", 0),
-    "area_error": Column("Standard error of the area", "m²", 0),
+    "area_error": Column("Standard error of the area", "m²", 0, never_zero=True),
     "perimeter": Column("Perimeter", "m", 0, detail=True),
     "open_length": Column("Edge of the data in it", "m", 0),
     "islands": Column("Islands", detail=True),
-    "uncertainty": Column("Standard error of the shore", "m", 2, detail=True),
+    "uncertainty": Column("Standard error of the shore", "m", 2, detail=True, never_zero=True),
     "density": Column("Points on land around", "1/m²", 2, detail=True),
     "returned": Column("Returns, of those on the shore", "%", 0, 100.0, detail=True),
     "darkness": Column("Darkness against the shore, 0 to 1", "", 2, detail=True),
@@ -29,7 +29,7 @@ SHORELINE = {
 }
 VERTICES = {
     "body": WATER["body"],
-    "sigma": Column("Standard deviation", "m", 2),
+    "sigma": Column("Standard deviation", "m", 2, never_zero=True),
     "data_edge": Column("Edge of the data"),
 }
 CURVE = {

@@ -47,7 +47,7 @@ from algorithms.shoreline._level import (
 )
 from algorithms.shoreline._reaches import reaches
 from algorithms.shoreline._returns import Returns
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.declare import Position
 from toolbox.errors import DataError
 
@@ -196,14 +196,15 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
         else:
             left_out.append(water)
     if left_out:
+        setting = setting_name("level_alone")
         log.warning(
-            "points: %d places are left out which are level, but neither return fewer pulses nor "
-            "are darker than what is around, or are bent or tilted by centimetres, as paved ground "
-            "is: ice or bright water, or a square, a field, a cutting; "
-            "the largest is the %s at a level of %s; level_alone gives them",
+            "points: %d level places are left out, as nothing else tells that they are water: ice "
+            "or bright water, or a square, a field, a cutting; the largest is the %s at a level "
+            "of %s%s",
             len(left_out),
             name_of(cells, left_out[0]).replace("water", "place", 1),
             in_unit(cells, left_out[0].level.height, 2),
+            f"; the setting {setting} gives them" if setting else "",
         )
     return sure
 
@@ -232,12 +233,13 @@ def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
             f"the largest place like that, {size:.0f} m2 at {x:.1f},{y:.1f}, is none: {reason}"
         )
     log.warning("points: no water was found of at least %.0f m2; %s", pour.least * area, nearest)
+    setting = setting_name("water_classes")
     log.info(
         "water loses half of its pulses, or is level and dark, or at the level of such water and "
-        "larger than %.0f m2, in cells of %.1f m; where a place is water all the same, name its "
-        "class (water_classes), or give its outline to shoreline.water_level (water)",
+        "larger than %.0f m2, in cells of %.1f m%s",
         LARGE,
         cells.lattice.cell / cells.metre,
+        f"; of a place that is water all the same name the class ({setting})" if setting else "",
     )
 
 
@@ -248,8 +250,8 @@ def _tell_sparse(cells: CellGrid, least_area: float) -> None:
         area = cells.metre**2
         log.warning(
             "points: land has %.2g points per m2, which are counted in cells of %.1f m: waters "
-            "that are narrower than %.1f m are often lost, and so are most below %.0f m2, though "
-            "min_area is %.0f m2; a map of them can be given to shoreline.water_level (water)",
+            "narrower than %.1f m are often lost, and most below %.0f m2, though the least area "
+            "is %.0f m2",
             cells.density * area,
             cells.lattice.cell / cells.metre,
             narrow / cells.metre,
@@ -282,11 +284,10 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
             up = (told[0].level - near.level.height) / cells.metre
             beside = f", {up:+.2f} m from the {name_of(cells, near)} beside it"
         log.warning(
-            "points: %d places are left out which are level, and dark, or return few pulses, or "
-            "meet water along much of its shore, but from which water would run off to lower "
-            "places: flights at other times, ice, plants, water above a weir or low dam, or level "
-            "land; where they meet water, its outline may be no shore. The largest, about %.0f m2 "
-            "at %.1f,%.1f, has the level %s%s, and is known by: %s",
+            "points: %d level places are left out from which water would run off to lower ones: "
+            "flights at other times, ice, plants, water above a weir, or land; where they meet "
+            "water, its outline may be no shore. The largest, about %.0f m2 at %.1f,%.1f, has the "
+            "level %s%s, and is known by: %s",
             len(told),
             _digits(len(told[0].cells) * cells.area / cells.metre**2),
             x,
@@ -302,17 +303,14 @@ def _tell_steps(cells: CellGrid, found: Sequence[Water]) -> None:
     steps = sorted(_steps(cells, found), key=lambda one: -one.height)
     if steps:
         log.warning(
-            "points: waters stand at different levels and meet, or have less than %.1f m of land "
-            "between them, in %d places: rapids, a weir, a lock, a dam or a dike. Where they are "
-            "laid into a terrain, it has steps there. The largest, of %s, is at %.1f,%.1f: from "
-            "the %s down to the %s; steps below %.2f m are not told",
-            BESIDE * cells.lattice.cell / cells.metre,
+            "points: waters at different levels meet, or nearly, in %d places: rapids, a weir, a "
+            "lock, a dam or a dike. A terrain with level water has steps there. The largest, of "
+            "%s, is at %.1f,%.1f: from the %s down to the %s",
             len(steps),
             in_unit(cells, steps[0].height, 2),
             *steps[0].place,
             name_of(cells, steps[0].upper),
             name_of(cells, steps[0].lower),
-            DAYS,
         )
 
 
@@ -552,17 +550,15 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
         if one.level.strips > DAYS * metre:
             log.warning(
                 "points: the %s has other levels in other strips: %s; they were flown at other "
-                "times, or do not fit together. Its level is the mean of its points, and its shore "
-                "is found by the level of each strip",
+                "times, or do not fit. Its level is their mean, its shore that of each strip",
                 name_of(cells, one),
                 strip_levels(one.level),
             )
         if one.level.parts:
             low, high = one.level.parts
             log.warning(
-                "points: the %s stands at two levels side by side, %s and %s, and flights "
-                "(point_source_id) do not part them: they were flown at other times, or do not "
-                "fit together. Its level is the mean of its points; its interval holds both",
+                "points: the %s stands at two levels side by side, %s and %s: flown at other "
+                "times, or strips do not fit. Its level is their mean; its interval holds both",
                 name_of(cells, one),
                 in_unit(cells, low),
                 in_unit(cells, high),
@@ -571,22 +567,22 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             log.warning(
                 "points: the %s stands at %s where most pulses come back, or the brightest ones, "
                 "and at %s elsewhere: floating plants or ice, or flights at other times. Its "
-                "level is the mean of its points; its interval holds both",
+                "level is their mean; its interval holds both",
                 name_of(cells, one),
                 *(in_unit(cells, height) for height in one.level.cover),
             )
         if rise := _hidden(cells, one):
             log.warning(
                 "points: nothing came back from the %s, and half of its rim is %.1f m or more "
-                "above its level: it may be a gap of the data, filled to its lowest edge, or its "
-                "shore lies below crowns. Its interval holds levels that are as far below",
+                "above its level: it may be a gap of the data, or its shore lies below crowns. Its "
+                "interval holds levels that are as far below",
                 name_of(cells, one),
                 rise / metre,
             )
         if _islands_hide(cells, one.body):
             log.warning(
                 "points: the %s has waves of %.2f m and is not much darker than its shore: islands "
-                "of a cell or two cannot be told from waves, and the interval counts both",
+                "of a cell or two cannot be told from waves, and its error counts both",
                 name_of(cells, one),
                 one.level.sigma / metre,
             )

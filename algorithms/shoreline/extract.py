@@ -24,14 +24,14 @@ from algorithms.shoreline._level import NINETY_FIVE
 from algorithms.shoreline._outline import Outline, detail_of, draw
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell, warn_of
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud, Survey, Vector
 from toolbox.data.crs import own_unit, short_height_unit, unit_of_lengths
 from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 Row = dict[str, Any]
-
+LEAST_TOLD = 0.001  # the last digit of a level as it is told; what is smaller is rounded up
 
 LOOKS = {
     "shore": ("shore", "#e08a00"),
@@ -156,8 +156,9 @@ class ShorelineExtract:
             )
             if not math.isfinite(interval):
                 return f"{words}."
+            reach = f"{max(interval, LEAST_TOLD):.3f} {unit}".rstrip()
             return (
-                f"{words}, ± {f'{interval:.3f} {unit}'.rstrip()} within the survey (95 % "
+                f"{words}, ± {reach} within the survey (95 % "
                 "intervals); an error that all of its heights have in common comes on top."
             )
 
@@ -228,10 +229,9 @@ class ShorelineExtract:
             chosen = [at_place(cells, water, self.seed_point)]
         rivers = [k for k in chosen if water[k].fall and not self.sloped]
         for k in rivers:
-            text = (
-                f"points: {sloping(cells, water[k])}; it is no lake: shoreline.extract takes "
-                "rivers with sloped"
-            )
+            setting = setting_name("sloped")
+            how = f": the setting {setting} takes rivers" if setting else ""
+            text = f"points: {sloping(cells, water[k])}; it is no lake{how}"
             if self.bodies != "all":
                 raise DataError(text)
             log.warning("%s; left out", text)

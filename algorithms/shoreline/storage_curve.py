@@ -27,7 +27,7 @@ from algorithms.shoreline._basin_pieces import BLOCK, Pieces
 from algorithms.shoreline._basin_points import PointBasin
 from algorithms.shoreline._basin_raster import RasterBasin, Spill
 from algorithms.shoreline._level import NINETY_FIVE
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.data.report import Column
@@ -338,7 +338,9 @@ class ShorelineStorageCurve:
             return cloud.xyz[without_withheld(cloud, keep, ctx)]
         found = np.unique(cloud["classification"]) if "classification" in cloud else ()
         if len(found) > 1 and GROUND in found:
-            log.warning("points of all classes are taken for ground; see the setting classes")
+            setting = setting_name("classes")
+            how = f"; see the setting {setting}" if setting else ""
+            log.warning("points of all classes are taken for ground%s", how)
         return cloud.xyz[without_withheld(cloud, np.ones(len(cloud), bool), ctx)]
 
     def _fill(self, basin: PointBasin | RasterBasin, highest: float, ctx: Context) -> None:

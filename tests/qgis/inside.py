@@ -906,11 +906,14 @@ def check_a_set_is_handed_over_and_its_layers_are_loaded() -> None:
     """Once from the folder, and not besides from a temporary file; an own file is loaded itself."""
     folder, ctx, feedback = out("set"), context(), Feedback()
     values = {"POINTS": CLOUD, "CELL": 2.0, "DELIVER": folder, "DSM": out("own dsm.tif")}
-    values |= {"DTM": QgsProcessing.TEMPORARY_OUTPUT}
+    values |= {"DTM": QgsProcessing.TEMPORARY_OUTPUT, "LEVEL_WATER": False}
     results, ok = provider.algorithm("modelsterrain").create().run(values, ctx, feedback)
     assert ok, feedback.said
     assert results["DELIVER"] == folder
     assert Path(results["DELIVER_README"]).read_text("utf-8").startswith("Terrain")
+    page = Path(folder, "report.html").read_text("utf-8")
+    record = json.loads(page.partition('id="provenance">')[2].partition("</script>")[0])
+    assert record["parameters"]["level_water"] is False, "its box was not ticked"
     assert results["DTM"] == os.path.join(folder, "dtm.tif")
     loads = [path.replace(folder, "SET") for path in ctx.layersToLoadOnCompletion()]
     assert sorted(Path(path).name for path in loads if path.endswith("dtm.tif")) == ["dtm.tif"]

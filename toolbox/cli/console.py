@@ -95,6 +95,8 @@ class Console:
             return
         if self.level == "quiet":
             return
+        from toolbox.reports.words import is_share  # pandas comes with it, which errors need not
+
         tables = [name for name, value in outputs.items() if hasattr(value, "rows")]
         folded = set(tables[1:]) if self.level != "verbose" else set()
         folder = outputs.get(DELIVER)
@@ -110,7 +112,9 @@ class Console:
             if isinstance(value, Path) and (words := counted(name)):
                 print(f"{name}: {value}  ({words})")
                 continue
-            self._print_value(name, value, _unit(said), language.text(said.get("description", "")))
+            help, unit = said.get("description", ""), _unit(said)
+            shown, unit = (100 * value, "%") if is_share(value, unit, help) else (value, unit)
+            self._print_value(name, shown, f" {unit}" if unit != "1" else "", language.text(help))
 
         if isinstance(folder, Path):
             known = {one["file"] for one in description.get("deliver", ())} | {README}
@@ -306,7 +310,7 @@ def _figure(value: float, unit: str) -> str:
 
 def _unit(described: Mapping[str, Any]) -> str:
     units = [m["value"] for m in described.get("metadata", []) if m["role"] == "unit"]
-    return f" {units[0]}" if units and units[0] != "1" else ""
+    return str(units[0]) if units else "1"
 
 
 def as_options(text: str) -> str:

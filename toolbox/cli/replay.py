@@ -170,12 +170,14 @@ class _Finder:
     problems : of inputs that are missing or have changed, by where they belong
     steps : the runs that handed a layer on in memory, by the hash of its record; each stands
         behind those that it needs
+    begun : the hashes of those whose own inputs are looked for
     """
 
     def __init__(self, beside: Path, below: Sequence[Path]) -> None:
         self.beside, self.below = beside, below
         self.problems: dict[str, str] = {}
         self.steps: dict[str, _Step] = {}
+        self.begun: set[str] = set()
 
     def last(self, record: Record, ctx: Context) -> _Step:
         """The run that made the product; one error lists all that is missing or has changed."""
@@ -210,7 +212,10 @@ class _Finder:
         before = record.ancestor(item.sha256)
         if before is None:
             self.problems[_joined(here)] = _why_unknown(record, item)
+        elif item.sha256 in self.begun - self.steps.keys():
+            self.problems[_joined(here)] = "is made of itself, which no run can have recorded"
         elif item.sha256 not in self.steps:
+            self.begun.add(item.sha256)
             self.steps[item.sha256] = self._step(before, here, ctx)
         return _Handed(item.sha256)
 

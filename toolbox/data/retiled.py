@@ -102,7 +102,7 @@ class Retiled(Survey):
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: tiles are written with an index, {', '.join(self.SUFFIXES)}")
         refuse_to_replace(path, self.own_files, overwrite=overwrite)
-        try:
+        with errors_named(f"{path} cannot be written"):
             with TemporaryDirectory(dir=path.parent, prefix=".points-") as drafts:
                 metadata, cells = self._sorted_into(Path(drafts), ctx.part(0, 0.5))
                 names = self._names_of(cells, (place or path).parent)
@@ -110,9 +110,6 @@ class Retiled(Survey):
                 refuse_to_replace(path, lambda index: tiles, overwrite=overwrite)
                 part = ctx.part(0.5, 1)
                 files = _write_tiles(path, Path(drafts), with_record(metadata, record), names, part)
-        except OSError as error:
-            raise DataError(f"{path} cannot be written: {error.strerror or error}") from error
-        with errors_named(f"{path} cannot be written"):
             text = vpc.text_of(files, path, own=True)
             path.write_text(text, encoding="utf-8", newline="\n")
             write_beside(path, record)

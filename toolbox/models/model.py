@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from toolbox import language
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, log, settings_named
 from toolbox.data import PointCloud, Survey
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Field, Spec
@@ -77,7 +77,7 @@ class Step:
     @property
     def needs(self) -> list[str]:
         """The names of all values that the step refers to."""
-        return [name for link in self.links.values() for r in references(link) for name in r.names]
+        return [name for link in self.links.values() for name in _names(link)]
 
     @property
     def params(self) -> dict[str, Link]:
@@ -86,6 +86,13 @@ class Step:
         return {
             n: link for n, link in self.links.items() if n in inputs and inputs[n].role == "param"
         }
+
+    @property
+    def names(self) -> dict[str, str]:
+        """The inputs of the model by the input of the step that each is handed on to."""
+        given = [(name, full) for name, link in self.links.items() for full in _names(link)]
+        begin = f"{INPUTS}."
+        return {n: full.removeprefix(begin) for n, full in given if full.startswith(begin)}
 
     def input(self, name: str) -> Field | None:
         """The field of an input; the repeated parameter is a required list."""
@@ -249,6 +256,11 @@ def references(link: Link) -> tuple[Reference, ...]:
     return link if isinstance(link, tuple) else (link,)
 
 
+def _names(link: Link) -> list[str]:
+    """The names of all values that a link refers to."""
+    return [name for reference in references(link) for name in reference.names]
+
+
 def step_values(step: Step, links: Mapping[str, Link], found: Mapping[str, Any]) -> dict[str, Any]:
     """The values of a step; a link without a value leaves the default of the tool."""
     values = dict(step.settings)
@@ -395,10 +407,11 @@ class ModelRun:
         title = language.text(step.spec.title)
         ctx.stage(language.text("Step {name}: {title}").format(name=name, title=title))
         try:
-            if not isinstance(job, ModelRun):
-                return self.runner(name, job, ctx)
-            inner = dataclasses.replace(job, runner=self._runner_within(name), gaps=self.gaps)
-            return inner.run(ctx)
+            with settings_named(step.names):
+                if not isinstance(job, ModelRun):
+                    return self.runner(name, job, ctx)
+                inner = dataclasses.replace(job, runner=self._runner_within(name), gaps=self.gaps)
+                return inner.run(ctx)
         except (ParameterError, DataError) as err:
             if (
                 isinstance(job, ModelRun) and err.problems

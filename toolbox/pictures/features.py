@@ -55,9 +55,14 @@ def feature_classes(features: Coloured) -> list[tuple[str, str, NDArray[np.bool_
         edges = np.linspace(key.low, key.high, _RANGES + 1)
         which = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, _RANGES - 1)
         colours = [to_hex(key.colour_map()((k + 0.5) / _RANGES)) for k in range(_RANGES)]
+        names = [f"{key.text(edges[k])} to {key.text(edges[k + 1])}" for k in range(_RANGES)]
+        if key.extend in ("min", "both"):
+            names[0] = f"≤ {key.text(edges[1])}"
+        if key.extend in ("max", "both"):
+            names[-1] = f"≥ {key.text(edges[-2])}"
         classes = [
-            (f"{key.label}: {key.text(edges[k])} to {key.text(edges[k + 1])}", colour, which == k)
-            for k, colour in enumerate(colours)
+            (f"{key.label}: {name}", colour, which == k)
+            for k, (name, colour) in enumerate(zip(names, colours, strict=True))
         ]
         known = np.isfinite(values)
         classes = [(name, colour, own & known) for name, colour, own in classes]

@@ -63,16 +63,25 @@ class Ramp:
         low, high = (float(v) for v in np.percentile(known, [0.5, 99.5]))
         if low == high:
             low, high = low - 0.5, high + 0.5
-        below, above = bool(known.min() < low), bool(known.max() > high)
-        extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
-        return cls(colours, low, high, label, extend)
+        return cls(colours, low, high, label, _beyond(known, low, high))
 
     @classmethod
     def about_zero(cls, values: Array, label: str) -> Ramp:
         """Colours from blue (below zero) to red (above), over the range of 99 % of the values."""
         known = np.abs(values[np.isfinite(values)])
-        high = float(np.percentile(known, 99)) if len(known) else 0.0
-        return cls("RdBu_r", -(high or 1.0), high or 1.0, label, "both")
+        high = (float(np.percentile(known, 99)) if len(known) else 0.0) or 1.0
+        return cls("RdBu_r", -high, high, label, _beyond(values, -high, high))
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """The texts of both ends, with a sign where values lie beyond.
+
+        >>> Ramp("gray", 0.0, 5.0, "Intensity", "max").ends
+        ('0.00', '≥ 5.00')
+        """
+        low, high = self.text(self.low), self.text(self.high)
+        below, above = (self.extend in (end, "both") for end in ("min", "max"))
+        return f"≤ {low}" if below else low, f"≥ {high}" if above else high
 
     def text(self, value: float) -> str:
         """A value with the digits that tell something in this range, never as a power of ten.
@@ -94,6 +103,12 @@ class Ramp:
         if isinstance(self.colours, str):
             return matplotlib.colormaps[self.colours]
         return LinearSegmentedColormap.from_list("ramp", list(self.colours))
+
+
+def _beyond(values: Array, low: float, high: float) -> str:
+    """At which ends of a range values lie beyond it, as matplotlib says it."""
+    below, above = bool((values < low).any()), bool((values > high).any())
+    return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
 
 
 Key: TypeAlias = Ramp | Looks

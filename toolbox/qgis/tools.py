@@ -24,6 +24,7 @@ from toolbox.errors import ParameterError
 from toolbox.labels import in_words
 from toolbox.models.model import Model
 from toolbox.pictures.images import CHANGES, GREY, NO_HEIGHTS, OTHER, POINT_CLASSES, RELIEF
+from toolbox.reports.words import is_share
 from toolbox.shown import DELIVER, README
 
 PROVIDER = "lidartoolbox"
@@ -148,6 +149,7 @@ def field(f: Field) -> dict[str, Any]:
         label += f" [{f.unit}]"
     made |= {"label": label, "many": f.many}
     if f.role == "sink":
+        made |= {"share": True} if is_share(1.0, f.unit, f.help) else {}
         made |= {"suffixes": list(f.suffixes)} if f.kind.is_layer else {}
         made |= {"columns": _columns(f.columns)} if f.columns else {}
         return made | _shown_as(f)
@@ -335,8 +337,9 @@ def _set(spec: Spec) -> list[dict[str, Any]]:
     made: dict[str, Any] = {"name": DELIVER, "label": language.text("Folder to hand over")}
     made |= {"type": "folder", "help": f"{says}: {files}, {README}", "option": DELIVER}
     made |= {"many": False, "suffixes": [], "readme": README, "layers": _layers_of(spec)}
+    decided = sorted(spec.handed) if isinstance(spec, Model) else []
     pages = (one.file for one in spec.deliver if one.file.endswith(".html"))
-    return [made | {"report": next(pages, "")}]
+    return [made | {"report": next(pages, ""), "decided": decided}]
 
 
 def _layers_of(spec: Spec) -> list[dict[str, Any]]:

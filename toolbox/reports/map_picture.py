@@ -107,8 +107,8 @@ def _ramp(axes: Axes, key: Ramp, below: float, tall: float) -> None:
     """The colours of continuous values under a map, with the numbers of ends and middle."""
     bar = axes.inset_axes((0.0, below - _BAR[0] / tall, 0.5, _BAR[0] / tall))
     bar.imshow(np.linspace(0, 1, 256)[np.newaxis], aspect="auto", cmap=key.colour_map())
-    middle = (key.low + key.high) / 2
-    bar.set_xticks([0, 127.5, 255], [key.text(v) for v in (key.low, middle, key.high)])
+    low, high = key.ends
+    bar.set_xticks([0, 127.5, 255], [low, key.text((key.low + key.high) / 2), high])
     bar.set_yticks([])
     bar.tick_params(labelsize=6.5, colors=INK, length=2, width=0.5)
     bar.spines[:].set_linewidth(0.3)

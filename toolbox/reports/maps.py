@@ -185,8 +185,8 @@ def _base(name: str, image: Image, origin: tuple[int, int]) -> dict[str, Any]:
     if isinstance(key := image.key, Ramp):
         map_of_colours = key.colour_map()
         ramp = [to_hex(map_of_colours(share)) for share in np.linspace(0, 1, 9)]
-        ends = {"low": key.text(key.low), "high": key.text(key.high)}
-        told: Any = {"ramp": ramp, **ends, "label": key.label}
+        low, high = key.ends
+        told: Any = {"ramp": ramp, "low": low, "high": high, "label": key.label}
     else:
         told = {"classes": [[text, colour] for text, colour in key.values()]}
     bounds = _relative(image.bounds, origin)

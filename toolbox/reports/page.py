@@ -235,7 +235,7 @@ def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
             for block in section.blocks
         ]
         folded = section.folded or not declared.listed
-        yield Section(section.title, blocks, folded, None if declared.listed else ())
+        yield Section(section.title, blocks, folded)
 
 
 def _pictures(found: Mapping[str, Any], spec: Spec) -> list[Section]:
@@ -267,9 +267,7 @@ def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
         for name, layer in layers.items()
         if layer.size_text() and not isinstance(layer, Raster)
     ]
-    return (
-        [Section("Layers", [Rows(Table.from_rows(rows))], folded=True, printed=())] if rows else []
-    )
+    return [Section("Layers", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
 
 
 def _settings(spec: Spec, record: Record | None) -> list[Section]:
@@ -287,8 +285,7 @@ def _settings(spec: Spec, record: Record | None) -> list[Section]:
         for name, field in spec.inputs.items()
         if name in record.parameters
     ]
-    settings = Section("Settings", [Rows(Table.from_rows(rows))], folded=True, printed=[])
-    return [settings] if rows else []
+    return [Section("Settings", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
 
 
 def _made(spec: Spec, record: Record | None) -> list[Section]:
@@ -308,12 +305,12 @@ def _made(spec: Spec, record: Record | None) -> list[Section]:
     chosen = chosen_settings(spec, record) or "none"
     text = (
         f"{spec.title} ({spec.id}), lidar-toolbox {record.version}. Settings other than the "
-        f"defaults: {chosen}. All settings and the sizes of all steps are on the page for browsers "
-        "and in the record that the files carry."
+        f"defaults: {chosen}. The sizes of all steps are on the page for browsers, and in the "
+        "record that the files carry."
     )
     printed: list[Block] = [text]
     if files:
-        printed.append(Rows(Table.from_rows(files), most_printed=_MOST_INPUTS))
+        printed.append(Rows(Table.from_rows(files), most=_MOST_INPUTS))
     return [Section("How it was made", [record.text()], folded=True, printed=printed)]
 
 

@@ -17,17 +17,24 @@ from toolbox.labels import in_words
 
 _FOLDERS = re.compile(r"(?<![\w:/.\\])(?:[A-Za-z]:[\\/]|/(?=[^\s/]+/))(?:[^\s/\\:;,]+[\\/])+")
 _WHOLE = 100  # square and cubic metres from which on parts of one tell nothing
+_MILLIMETRE = 0.001  # metres, the last digit of a length
+_LEAST = 5e-7  # metres: what is less, as the rounding of numbers leaves it, is nothing
 _SHARE = re.compile(r"\bshare\b", re.I)
 
 
 def value_text(value: Any, unit: str | None) -> str:
-    """A number with the digits that tell something: millimetres of lengths, whole square metres."""
+    """A number with the digits that tell something: millimetres of lengths, whole square metres.
+
+    >>> value_text(0.25, "m"), value_text(0.00018, "m"), value_text(1e-17, "m")
+    ('0.250', '0.00018', '0.000')
+    """
     if isinstance(value, tuple):
         return ", ".join(value_text(item, unit) for item in value)
     if not isinstance(value, float):
         return str(value)
     if unit == "m":
-        return f"{value:.3f}"
+        small = _LEAST <= abs(value) < _MILLIMETRE / 2
+        return f"{value:.6f}".rstrip("0") if small else f"{value:.3f}"
     if unit in ("m2", "m3") and abs(value) >= _WHOLE:
         return f"{value:.0f}"
     return f"{value:.4g}" if abs(value) < 1000 else f"{value:.1f}"
@@ -49,7 +56,7 @@ def result_value(
     >>> result_value(1234.5, "m2", "Area"), result_value(1234.5, "m2", "Area", exact=True)
     ((1234, 'm2'), (1234.5, 'm2'))
     """
-    if _in_percent(value, unit, help):
+    if is_share(value, unit, help):
         return value * 100, "%"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value_text(value, unit), unit or ""
@@ -57,7 +64,8 @@ def result_value(
     return round(value) if whole and not exact else value, unit or ""
 
 
-def _in_percent(value: Any, unit: str | None, help: str) -> bool:
+def is_share(value: Any, unit: str | None, help: str) -> bool:
+    """Whether a result is a share of one, which people are told in percent."""
     return unit == "1" and isinstance(value, float) and bool(_SHARE.search(help))
 
 
@@ -69,7 +77,7 @@ def result_text(value: Any, unit: str | None, help: str) -> tuple[str, str]:
     >>> result_text(0.3773, "1", "Share of points that are ground")
     ('37.7', '%')
     """
-    if _in_percent(value, unit, help):
+    if is_share(value, unit, help):
         return f"{value * 100:.1f}", "%"
     return value_text(value, unit), unit_text(unit)
 

@@ -34,6 +34,7 @@ SPAN_COLUMNS = (
     "length",
     "sag",
     "swing",
+    "swing_sd",
     "clearance",
     "clearance_sd",
     "clearance_low",
@@ -239,6 +240,7 @@ def span_table(
         own = np.flatnonzero(line.span == span)
         for number, state in enumerate(line.states):
             curves = [line.curves[number][k] for k in own]
+            swung = max(own, key=lambda k: abs(line.curves[number][k].swing))
             rows.append(
                 {
                     "span_id": span,
@@ -251,7 +253,8 @@ def span_table(
                     **missed[span],
                     "length": max(curve.length for curve in curves),
                     "sag": max(curve.sag for curve in curves),
-                    "swing": math.degrees(math.atan(max((c.swing for c in curves), key=abs))),
+                    "swing": math.degrees(math.atan(line.curves[number][swung].swing)),
+                    "swing_sd": None if number else line.swing_sd[swung],
                     **_least_of(line, least, own, number, surroundings, point_sd),
                     **(_interval_of(band, own) if number == 0 else {}),
                     **dict(

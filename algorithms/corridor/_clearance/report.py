@@ -275,11 +275,10 @@ def _unsure_list(unsure: pd.DataFrame) -> list[Rows | str]:
 
 
 def _places(some: pd.DataFrame, caption: str, how: Mapping[str, Column], layer: str) -> Rows:
-    """Table of objects with their places, all of which are printed."""
+    """Table of objects with their places."""
     unit: str = short_unit(some.crs) if some.crs else ""
     how = {**how, "elevation": replace(how["elevation"], unit=unit)}
-    rows = Rows(Vector(some).listed(), caption, MOST_OBJECTS, how, layer)
-    return replace(rows, most_printed=MOST_OBJECTS)
+    return Rows(Vector(some).listed(), caption, MOST_OBJECTS, how, layer)
 
 
 def _crossing_list(crossings: pd.DataFrame) -> list[Rows | str]:

@@ -21,7 +21,7 @@ from algorithms.corridor._clearance.rules import KINDS, OBJECTS
 from algorithms.corridor._clearance.sag import State
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._extraction.labels import LINE_CLASSES
-from algorithms.corridor._extraction.layers import catenaries_of
+from algorithms.corridor._extraction.layers import catenaries_of, swing_sigmas
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.lowest import require_finite
@@ -56,6 +56,7 @@ class LineStates:
     curves : for each state those of the m wires
     rest : the m wires at their highest and at their lowest, of all temperatures that they may have
     wire, span, start, end : arrays of shape (m,), numbers of the conductor, span and towers
+    swing_sd : array of shape (m,), of the swing as surveyed, degrees; NaN where none was fitted
     """
 
     origin: Floats
@@ -66,6 +67,7 @@ class LineStates:
     start: Ints
     end: Ints
     rest: tuple[list[Catenary], list[Catenary]]
+    swing_sd: Floats
 
     @property
     def spans(self) -> list[int]:
@@ -144,7 +146,7 @@ def line_of(wires: Vector) -> LineStates:
     wire, span, start, end = (frame[name].to_numpy(np.int64) for name in columns)
     curves = catenaries_of(wires, origin)
     states, rest = [State("survey")], (curves, curves)
-    return LineStates(origin, states, [curves], wire, span, start, end, rest)
+    return LineStates(origin, states, [curves], wire, span, start, end, rest, swing_sigmas(wires))
 
 
 def surroundings_of(

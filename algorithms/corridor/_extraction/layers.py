@@ -190,6 +190,22 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
     return found
 
 
+def swing_sigmas(layer: Vector) -> Floats:
+    """Standard deviation of the swing of each wire, degrees, array of shape (m,).
+
+    A swing bows a wire in plan, so that its tangent is 2 c times the second coefficient of a
+    parabola. The formula is that of such a coefficient for points that stand evenly on what was
+    seen of the wire. NaN where no swing was looked for.
+    """
+    frame = layer.frame
+    noise = frame["rms"] / math.sqrt(2.0)  # of the two directions square to the wire, one
+    reach = frame["seen_to"] - frame["seen_from"]
+    bow = noise * np.sqrt(180.0 / frame["points"]) / reach**2
+    tangent = np.tan(np.radians(frame["swing"]))
+    sigma = np.degrees(2 * bow / frame["curvature"] / (1 + tangent**2))
+    return np.where(frame["swing"] == 0, np.nan, sigma)
+
+
 def tower_layer(
     towers: Sequence[Tower],
     strings: Sequence[float],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import shapely
 from scenes.corridors import cloud, line, wire
 
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._extraction.layers import catenaries_of, wire_layer
+from algorithms.corridor._extraction.layers import catenaries_of, swing_sigmas, wire_layer
 from algorithms.corridor._extraction.spans import Wire
 from algorithms.corridor.catenaries import CorridorCatenaries
 from toolbox.declare import ClassList
@@ -147,3 +148,25 @@ def test_a_class_is_wire_or_tower() -> None:
     points = cloud(np.zeros((5, 3)))
     with pytest.raises(ParameterError, match="tower_classes: must not be among wire_classes"):
         CorridorCatenaries(points=points, tower_classes=ClassList([14, 15]))
+
+
+@pytest.mark.parametrize("seen", [90.0, 150.0])
+def test_the_swing_of_a_cut_span_tells_how_well_it_is_known(seen: float) -> None:
+    """Of a wire of 300 m that hangs 15 degrees aside; a third of it knows its swing to degrees."""
+    rng = np.random.default_rng(7)
+    whole = Catenary(0.0, 0.0, 0.0, 1.0, 300.0, 30.0, 30.0, 1 / 1200, swing=math.tan(0.26))
+    found = []
+    for _ in range(60):
+        points = whole.points(np.sort(rng.uniform(0.0, seen, 400)))
+        curve = fit(points + rng.normal(0.0, 0.04, (400, 3)))
+        assert curve is not None
+        found.append(Wire(curve, (-1, -1), (0.0, curve.length), 0.25))
+    layer = wire_layer(found, np.zeros(3), 1.0, None)
+    told = np.median(swing_sigmas(layer))
+    assert np.std(layer.frame["swing"]) == pytest.approx(told, rel=0.25)
+
+
+def test_a_swing_that_was_not_looked_for_has_no_error() -> None:
+    curve = Catenary(0.0, 0.0, 0.0, 1.0, 60.0, 30.0, 30.0, 1 / 1200, rms=0.04, count=50)
+    layer = wire_layer([Wire(curve, (-1, -1), (0.0, 60.0), 0.25)], np.zeros(3), 1.0, None)
+    assert np.isnan(swing_sigmas(layer)).all()

@@ -348,7 +348,7 @@ def test_no_water_tells_what_was_looked_for(caplog: pytest.LogCaptureFixture) ->
     assert found.level is None
     assert len(found.levels) == 0
     assert "no water was found of at least 100 m2; the largest place like that" in caplog.text
-    assert "name its class (water_classes)" in caplog.text
+    assert "name the class (water_classes)" in caplog.text
     (warned,) = [one.getMessage() for one in caplog.records if one.levelname == "WARNING"]
     assert "is none: " in warned
     assert len(warned) < 200, "it stands in reports of land without water"

@@ -157,7 +157,7 @@ def test_run_writes_outputs_and_prints_values(
     assert main([*argv, "--minimum", "100", "--kept", str(out)]) == 0
     path, share, threshold = capsys.readouterr().out.splitlines()
     assert path == f"kept: {out}  (points: 400)"
-    assert share == "removed_share: 0.2  (share of points removed)"
+    assert share == "removed_share: 20 %  (share of points removed)"
     assert threshold.startswith("threshold: 100  (")
     assert len(PointCloud.open(out)) == 400
 
@@ -650,7 +650,7 @@ def test_a_run_that_saves_nothing_says_so_before_the_work(
     assert main(said) == 0
     found = capsys.readouterr()
     assert found.err.startswith("nothing will be saved; to keep a result: --surface PATH")
-    assert "filled_share: 1  (share of cells with a value)\n" in found.out
+    assert "filled_share: 100 %  (share of cells with a value)\n" in found.out
     assert main([*said, "--surface", str(tmp_path / "a.tif")]) == 0
     assert main([*said, "--page", str(tmp_path / "a.html")]) == 0
     assert main([*said, "--json"]) == 0

@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import openpyxl
@@ -15,7 +16,7 @@ from toolbox import language
 from toolbox.data import Figure, Report, Rows, Section, Table
 from toolbox.data.record import MEMBER, read_record
 from toolbox.data.report import Column, Head, Plot
-from toolbox.data.report.blocks import in_order_of_paper
+from toolbox.data.report.blocks import Piece, in_order_of_paper
 from toolbox.data.report.render import render
 from toolbox.errors import DataError
 
@@ -111,7 +112,8 @@ def test_a_wide_table_is_printed_with_columns_as_wide_as_their_texts() -> None:
         for n in range(3)
     ]
     block = Rows(Table.from_rows(rows))
-    widths = block.widths
+    (piece,) = block.pieces(paper=True)
+    widths = piece.widths
     assert sum(widths) == pytest.approx(100)
     assert len(widths) == len(block.headings) == 11
     # "Span" and "1000.25" with a gap of three, and 26 characters of the remark
@@ -125,13 +127,13 @@ def test_a_wide_table_is_printed_with_columns_as_wide_as_their_texts() -> None:
 
 @pytest.mark.parametrize(
     ("columns", "size"),
-    [(10, 7.5), (20, 762 / 0.6 / (20 * (3 + 6))), (40, 6.0)],
+    [(10, 7.5), (20, 762 / 0.6 / (20 * (3 + 6))), (40, 762 / 0.6 / (23 * (3 + 6)))],
 )
 def test_a_wide_table_is_printed_as_large_as_fits(columns: int, size: float) -> None:
     """Lists of objects stood on four pages in 6 points, whatever there was room for."""
     rows = [{f"of_{k}": 1000.25 + k + n for k in range(columns)} for n in range(3)]
     block = Rows(Table.from_rows(rows))
-    assert block.font_size == pytest.approx(size)
+    assert block.pieces(paper=True)[0].font_size == pytest.approx(size)
     report = Report("Line", [Section("Spans", [block])])
     paper = render(report, style=None, logo=None, on_paper=True)
     assert f'<table style="font-size: {size:.1f}pt">' in paper
@@ -154,28 +156,47 @@ def wide(rows: int, **columns: Column) -> Rows:
 
 def test_what_all_rows_of_a_wide_table_say_is_said_once() -> None:
     block = wide(3)
-    assert [column.heading for column, _ in block.headings_on(paper=False)][:2] == [
-        "Span",
-        "Measure 0",
-    ]
-    assert len(block.cells_on(paper=True)[0]) == 10
-    assert block.caption_on(paper=False) == "All spans. In all rows: State: survey; Unit: metre."
+    (piece,) = block.pieces(paper=False)
+    assert [column.heading for column, _ in piece.headings][:2] == ["Span", "Measure 0"]
+    assert len(block.pieces(paper=True)[0].cells[0]) == 10
+    assert block.full_caption == "All spans. In all rows: State: survey; Unit: metre."
     assert len(block.cells[0]) == 12  # as in workbooks
 
 
-def test_paper_leaves_out_details_of_a_wide_table_and_says_so() -> None:
+def headings(piece: Piece) -> list[str]:
+    return [column.heading for column, _ in piece.headings]
+
+
+def test_paper_has_details_of_a_wide_table_below_it() -> None:
+    """They were left to files and browsers, though a print is to hold what the screen does."""
     block = wide(3, measure_8=Column("Detail", detail=True))
     assert block.is_across(paper=True) is False
     assert block.is_across(paper=False) is True
     assert wide(3).is_across(paper=True) is True
-    assert len(block.columns_on(paper=False)) == len(block.columns_on(paper=True)) + 1
-    assert block.caption_on(paper=True).endswith(
-        "More columns are in the files and on the page for browsers."
-    )
-    few = Rows(
-        block.table.__class__(block.table.frame[["span", "measure_8"]]), columns=block.columns
-    )
-    assert [column.heading for column, _ in few.headings_on(paper=True)] == ["Span", "Detail"]
+    plain, details = block.pieces(paper=True)
+    assert headings(plain) == ["Span", *(f"Measure {k}" for k in range(8))]
+    assert headings(details) == ["Span", "Detail"]
+    assert details.cells == [["0", "18.00"], ["1", "19.00"], ["2", "20.00"]]
+    paper = render(Report("Line", [Section("Spans", [block])]), on_paper=True)
+    assert "More columns of the same rows." in paper
+    some = block.table.frame[["span", "measure_8"]]
+    (few,) = Rows(Table(some), columns=block.columns).pieces(paper=True)
+    assert headings(few) == ["Span", "Detail"]
+
+
+def test_columns_without_room_on_paper_follow_below_with_what_names_the_row() -> None:
+    """One span has two wires, so that both columns tell which row it is."""
+    rows = [
+        {"span": n // 2, "wire": n % 2} | {f"of_{k}": 1000.25 + k + n for k in range(40)}
+        for n in range(4)
+    ]
+    first, *others = Rows(Table.from_rows(rows)).pieces(paper=True)
+    assert others
+    assert all(headings(piece)[:2] == ["Span", "Wire"] for piece in (first, *others))
+    assert all(piece.font_size >= 6.0 for piece in (first, *others))
+    assert all(6.0 * 0.6 * sum(piece.needed) <= 762 for piece in (first, *others))
+    told = [name for piece in (first, *others) for name in headings(piece)[2:]]
+    assert told == [f"Of {k}" for k in range(40)]
 
 
 def test_wide_tables_of_a_row_are_printed_as_a_list() -> None:
@@ -188,11 +209,13 @@ def test_wide_tables_of_a_row_are_printed_as_a_list() -> None:
     assert "<table" in report.html()
 
 
-def test_paper_shows_so_many_rows_as_it_says() -> None:
+def test_paper_shows_as_many_rows_as_the_page() -> None:
     block = Rows(Table.from_rows([{"n": n} for n in range(150)]), "Numbers")
-    assert len(block.cells_on(paper=True)) == 100
-    assert block.caption_on(paper=True) == "Numbers (the first 100 of 150 rows)"
-    assert block.caption_on(paper=False) == "Numbers"
+    report = Report("Line", [Section("Numbers", [block])])
+    pages = render(report, on_paper=True), report.html()
+    assert [page.partition("<tbody>")[2].count("<tr") for page in pages] == [150, 150]
+    assert block.full_caption == "Numbers"
+    assert replace(block, most=100).full_caption == "Numbers (the first 100 of 150 rows)"
 
 
 def test_measures_are_named_in_words() -> None:
@@ -255,6 +278,20 @@ def test_the_result_stands_before_warnings() -> None:
     text = render(Report("R", [], summary="All is well.", head=head))
     assert text.index("All is well.") < text.index("1 point of 3 m² is lost")
     assert "points: 1" not in text
+
+
+def test_what_is_never_zero_is_not_told_as_zero(tmp_path: Path) -> None:
+    """Intervals of levels below a millimetre were 0.000, as if nothing could be wrong."""
+    how = {"error": Column("Error", "m", 3, never_zero=True), "shift": Column("Shift", "m", 3)}
+    rows = Rows(Table.from_rows([{"error": 0.0002, "shift": 0.0002}]), columns=how)
+    assert rows.cells == [["< 0.001", "0.000"]]
+    assert how["error"].text(0.0005) == "0.001"
+    assert how["error"].text(0.0) == "< 0.001"
+    Report("R", [Section("T", [rows])]).save(tmp_path / "a.xlsx")
+    sheet = openpyxl.load_workbook(tmp_path / "a.xlsx")["T"]
+    assert sheet["A2"].value == 0.0002
+    assert sheet["A2"].number_format == '[<0.0005]"< 0.001";0.000'
+    assert sheet["B2"].number_format == "0.000"
 
 
 def test_a_workbook_holds_no_more_digits_than_tell_something(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import json
 import math
 import weakref
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,7 +17,7 @@ import pytest
 from pyproj import CRS
 
 from toolbox import catalog, language
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, setting_name, settings_named
 from toolbox.data import PointCloud, Raster, Table
 from toolbox.declare import ClassList
 from toolbox.declare.fields import Spec
@@ -422,6 +423,26 @@ def test_a_step_is_told_by_its_title_in_the_language_of_the_user(cloud: PointClo
     with language.speaking("tr"):
         model.run(Context(stage=told.append))
     assert told[0].endswith(": Su kütlelerini bul"), told  # its Turkish title
+
+
+def test_a_setting_has_the_name_by_which_the_user_of_the_model_gives_it(
+    load: Load, cloud: PointCloud
+) -> None:
+    """Warnings told the user of a model to set what only the tool of one of its steps has."""
+    steps = "a: {tool: toy.shift, points: {from: inputs.points}, by: {from: inputs.rise}, least: 1}"
+    inputs = "rise: {type: number, unit: m, default: 2, help: x}"
+    made = load(chain(steps, "n: {from: a.top}", inputs)).build({"points": cloud})
+    told: list[str | None] = []
+
+    def runner(name: str, job: Any, ctx: Context) -> Any:
+        told.extend(map(setting_name, ("points", "by", "least")))
+        with settings_named({"inside": "by", "word": "word"}):  # as a model in a model does
+            told.extend(map(setting_name, ("inside", "word")))
+        return job.run(ctx)
+
+    replace(made, runner=runner).run()
+    assert told == ["points", "rise", None, "rise", None]
+    assert setting_name("by") == "by"
 
 
 def test_a_step_may_be_left_out(load: Load, cloud: PointCloud) -> None:

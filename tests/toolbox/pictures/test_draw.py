@@ -727,6 +727,29 @@ def test_ranges_of_numbers_have_no_powers_of_ten() -> None:
     assert [name for name, *_ in found][1] == "error: 0.000 to 0.036"
 
 
+@pytest.mark.parametrize(
+    ("beyond", "first", "last"),
+    [
+        ((), "error: -0.90 to -0.60", "error: 0.60 to 0.90"),
+        ((5.0,), "error: -0.90 to -0.60", "error: ≥ 0.60"),
+        ((5.0, -7.0), "error: ≤ -0.60", "error: ≥ 0.60"),
+    ],
+)
+def test_the_ends_of_a_key_of_errors_say_what_they_hold(
+    beyond: tuple[float, ...], first: str, last: str
+) -> None:
+    """An error of 5 m was drawn in the colour of "0.6 to 0.9", and nothing said so."""
+    errors = np.array([*np.resize([-0.9, 0.9], 600), 0.0, *beyond])
+    spots = geopandas.GeoDataFrame({"error": errors}, geometry=shapely.points(errors, 0))
+    layer, way = Vector(spots), show.Values("error", centred=True)
+    names = [name for name, *_ in feature_classes((layer, way))]
+    assert (names[0], names[-1]) == (first, last)
+    key = feature_key((layer, way))
+    assert isinstance(key, Ramp)
+    signs = [text[0] in "≤≥" for text in key.ends]
+    assert signs == [name[7] in "≤≥" for name in (first, last)]
+
+
 def test_the_first_other_colours_are_unlike_those_of_point_classes() -> None:
     """Classes that the standard leaves open have them, and kinds of towers upon the points."""
 

@@ -6,6 +6,8 @@ there is none the tests skip, unless TOOLBOX_TEST_BROWSER is "required".
 
 from __future__ import annotations
 
+import html
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -237,12 +239,31 @@ def test_paper_holds_the_last_column_and_every_row(
     text = subprocess.run(
         ["pdftotext", "-layout", place, "-"], capture_output=True, text=True, check=True
     ).stdout
-    html = pages["areas"].read_text()
-    last = html.partition('id="difference"')[2].partition("</tbody>")[0].count("<tr id=")
+    text_of_page = pages["areas"].read_text()
+    last = text_of_page.partition('id="difference"')[2].partition("</tbody>")[0].count("<tr id=")
     assert last > 10
     longitudes = [word for word in text.split() if word.startswith(("26.99", "27.00"))]
     assert len(longitudes) >= last
     assert "Longitude" in text.replace("-\n", "")
+
+
+@pytest.mark.parametrize("name", ["planes", "town"])
+def test_paper_holds_all_columns_rows_and_settings_of_the_page(name: str, tmp_path: Path) -> None:
+    """Every word of every table; what only a detail needs had been left to the page and files."""
+    tool, given = {
+        "planes": ("planes.extract", {"points": house()}),
+        "town": ("models.urban_classes", {"points": house(), "smallest": 20.0}),
+    }[name]
+    page, paper = tmp_path / "page.html", tmp_path / "page.pdf"
+    for place in (page, paper):
+        toolbox.run(tool, {**given, "page": place})
+    read = subprocess.run(["pdftotext", "-layout", paper, "-"], capture_output=True, check=True)
+    printed = "".join(read.stdout.decode().split()).replace("-", "")
+    cells = re.findall(r"<t[hd]\b[^>]*>(.*?)</t[hd]>", page.read_text("utf-8"), re.S)
+    told = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", cell)) for cell in cells)
+    words = set(re.split(r"[\s\[\]]+", told.replace("-", "")))
+    assert len(words) > 100
+    assert [word for word in sorted(words) if word not in printed] == []
 
 
 def test_headings_stay_with_their_tables_on_paper_and_short_tables_whole(tmp_path: Path) -> None:

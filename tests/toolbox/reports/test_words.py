@@ -151,6 +151,9 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
         "within the survey (95 % intervals); an error that all of its heights have in common comes "
         "on top."
     )
+    water = Vector(water.frame.assign(level_interval=0.0002))
+    exact = outputs(water=water, shoreline=water, vertices=water, detail=1.0, **numbers)
+    assert "3.500 m, ± 0.001 m within" in exact.in_words(), "not 0.000"
     (unseen,) = made.not_looked_at()
     assert "40 of 100 m of its outline is the edge of the data" in unseen
 
@@ -161,6 +164,21 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
 )
 def test_values_have_digits_that_tell_something(value: float, unit: str, text: str) -> None:
     assert words.value_text(value, unit) == text
+
+
+def test_limits_of_a_column_are_shown_like_it() -> None:
+    """Shares in percent stood in reports without a unit, and beside others that had one."""
+    names = ["f1", "f1_low", "f1_block_high", "overlap_%", "own_low"]
+    table = Table.from_rows([dict.fromkeys(names, 87.654)])
+    rows = Rows(table, columns={"f1": Column("F1", "%", 1)})
+    assert [(column.heading, column.unit) for column, _ in rows.headings] == [
+        ("F1", "%"),
+        ("F1, lower limit (95 %)", "%"),
+        ("F1, upper limit by blocks (95 %)", "%"),
+        ("Overlap", "%"),
+        ("Own low", ""),
+    ]
+    assert rows.cells[0][1] == "87.7"
 
 
 def test_columns_are_shown_as_declared() -> None:

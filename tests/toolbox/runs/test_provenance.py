@@ -696,6 +696,17 @@ def test_a_forged_record_does_no_harm(folder: Path) -> None:
     assert not (folder / "harm.tif").exists()
 
 
+def test_a_forged_record_that_is_its_own_source_is_refused(folder: Path) -> None:
+    """It was followed until Python gave up."""
+    path = grid(folder, points=toolbox.run("points.thin", {"points": folder / "a.laz"}).thinned)
+    entry = json.loads(read_record(path))
+    (thinned,) = entry["ancestors"].values()
+    thinned["inputs"] = entry["inputs"]
+    Raster.open(path).save(path, record=json.dumps(entry), overwrite=True)
+    with pytest.raises(DataError, match="points: is made of itself"):
+        replay(path)
+
+
 @pytest.mark.parametrize(
     "text", ["", "EPSG:2154", "EPSG:2154+5720", "local", "EPSG:4326", "ESRI:102100"]
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -29,8 +29,9 @@ _WIDE = 9  # columns; a table of more is printed on a page of its own, across
 _ACROSS = 762  # points of a line on A4 across, without the margins of style.css
 _LETTER = 0.6  # width of a letter to its size: digits have 0.56 in Arial, 0.64 in DejaVu Sans
 _SMALLEST, _LARGEST = 6.0, 7.5  # points: as small as is read in print, and that of other tables
-_MOST_PRINTED = 100  # rows, two to three pages; all of them are in the file of the layer
+_ROOM = _ACROSS / (_LETTER * _SMALLEST)  # letters of a line across
 _NAMING = 1  # column that says which row it is, and is shown also where all rows are alike
+_MOST_NAMING = 3  # columns that are printed once more beside those that have no room next to them
 _NAMED = ("measure", "meaning")  # columns that hold names of measures
 _FEW_FACTS = 2  # rows of a wide table that are printed one after the other, as lists of facts
 
@@ -86,12 +87,11 @@ class Rows:
     columns : how columns are shown, by name; others by their names, see `Column`
     layer : name of the layer on the map of which each row is a feature; "" for none
     short : rows that are shown before all are asked for
-    most_printed : rows on paper
 
     Examples
     --------
     >>> rows = Rows(Table.from_rows([{"class": 2}, {"class": 6}]), most=1)
-    >>> rows.cells, rows.caption_on(paper=False)
+    >>> rows.cells, rows.full_caption
     ([['2']], '(the first 1 of 2 rows)')
     """
 
@@ -101,7 +101,6 @@ class Rows:
     columns: Mapping[str, Column] = field(default_factory=dict)
     layer: str = ""
     short: int = _SHORT
-    most_printed: int = _MOST_PRINTED
 
     @cached_property
     def shown(self) -> pd.DataFrame:
@@ -188,33 +187,49 @@ class Rows:
         ]
         return f"{language.text('In all rows')}: {'; '.join(parts)}." if parts else ""
 
-    def columns_on(self, *, paper: bool) -> list[int]:
-        """The columns that are shown: on paper without those that only a detail needs."""
-        return [
-            k
-            for k, (how, _) in enumerate(self.headings)
-            if k not in self.alike and not (paper and self.is_wide and how.detail)
-        ]
-
-    def headings_on(self, *, paper: bool) -> list[tuple[Column, bool]]:
-        """The headings of these columns."""
-        return [self.headings[k] for k in self.columns_on(paper=paper)]
-
-    def cells_on(self, *, paper: bool) -> list[list[str]]:
-        """The texts of these columns; on paper of the first rows alone."""
-        columns = self.columns_on(paper=paper)
-        rows = self.cells[: self.most_printed] if paper else self.cells
-        return [[row[k] for k in columns] for row in rows]
-
-    def caption_on(self, *, paper: bool) -> str:
+    @property
+    def full_caption(self) -> str:
         """The caption, with what all rows have in common, and how many are shown."""
-        most = min(self.most, self.most_printed) if paper else self.most
-        more = f" (the first {most} of {len(self.table)} rows)" if len(self.table) > most else ""
-        parts = [f"{self.caption}{more}".strip(), self.said_once]
-        if paper and len(self.columns_on(paper=True)) < len(self.columns_on(paper=False)):
-            parts.append("More columns are in the files and on the page for browsers.")
-        told = [part for part in parts if part]
+        count = len(self.table)
+        more = f" (the first {self.most} of {count} rows)" if count > self.most else ""
+        told = [part for part in (f"{self.caption}{more}".strip(), self.said_once) if part]
         return " ".join([*(f"{part.rstrip('.')}." for part in told[:-1]), *told[-1:]])
+
+    def pieces(self, *, paper: bool) -> list[Piece]:
+        """The tables that it is shown as: one in a browser, and on paper as many as it takes.
+
+        A wide table is printed without its details first, and these below; columns for which a
+        page has no room follow, too. Those that say which row it is stand in each of them.
+        """
+        shown = [k for k in range(len(self.headings)) if k not in self.alike]
+        if not paper or not self.is_wide or self.is_list:
+            return [Piece(self, shown)]
+        naming = shown[: self._naming(shown)]
+        others = shown[len(naming) :]
+        plain = [k for k in others if not self.headings[k][0].detail]
+        details = [k for k in others if self.headings[k][0].detail]
+        across = self.is_across(paper=True)
+        parts = (columns for columns in (plain, details) if columns)
+        return [piece for part in parts for piece in self._cut(naming, part, across=across)]
+
+    def _naming(self, shown: Sequence[int]) -> int:
+        """How many of the first columns it takes to tell all rows apart, if a few are enough."""
+        for count in range(_NAMING, _MOST_NAMING + 1):
+            if len({tuple(row[k] for k in shown[:count]) for row in self.cells}) == len(self.cells):
+                return count
+        return _NAMING
+
+    def _cut(self, naming: list[int], columns: list[int], *, across: bool) -> Iterator[Piece]:
+        """Tables with as many of the columns as fit on a page, upright or across."""
+        piece = Piece(self, list(naming))
+        for column in columns:
+            wider = Piece(self, [*piece.columns, column])
+            full = sum(wider.needed) > _ROOM if across else len(wider.columns) > _WIDE
+            if full and len(piece.columns) > len(naming):
+                yield piece
+                wider = Piece(self, [*naming, column])
+            piece = wider
+        yield piece
 
     @property
     def is_list(self) -> bool:
@@ -222,31 +237,54 @@ class Rows:
         return self.is_wide and 0 < len(self.cells) <= _FEW_FACTS
 
     def is_across(self, *, paper: bool) -> bool:
-        """Whether it is printed on a page across; a browser prints all columns, as a table."""
-        if not paper:
+        """Whether it is printed on a page across; a browser prints all columns in one table."""
+        if not paper or not self.is_wide:
             return self.is_wide
-        return not self.is_list and len(self.columns_on(paper=True)) > _WIDE
+        plain = [k for k, (how, _) in enumerate(self.headings) if not how.detail]
+        return not self.is_list and len({*plain} - {*self.alike}) > _WIDE
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some columns of a table, as they are shown beside each other.
+
+    Attributes
+    ----------
+    columns : places of the columns in the table
+    """
+
+    of: Rows
+    columns: Sequence[int]
+
+    @property
+    def headings(self) -> list[tuple[Column, bool]]:
+        """How each column is shown, and whether it holds numbers."""
+        return [self.of.headings[k] for k in self.columns]
+
+    @property
+    def cells(self) -> list[list[str]]:
+        """The texts of the cells of each row."""
+        return [[row[k] for k in self.columns] for row in self.of.cells]
 
     @property
     def widths(self) -> list[float]:
         """Share of the width of a page that each column needs, in percent."""
-        most = self._needed
-        return [100 * one / sum(most) for one in most]
+        return [100 * one / sum(self.needed) for one in self.needed]
 
     @property
     def font_size(self) -> float:
         """Size of the print of a wide table in points: as large as its texts allow."""
-        return min(max(_ACROSS / (_LETTER * sum(self._needed)), _SMALLEST), _LARGEST)
+        return min(_ACROSS / (_LETTER * sum(self.needed)), _LARGEST)
 
     @cached_property
-    def _needed(self) -> list[int]:
+    def needed(self) -> list[int]:
         """Characters that each column needs in print: by its longest text.
 
         Headings break between words, and long texts in lines.
         """
-        headings = [f"{c.heading} [{c.unit}]".split() for c, _ in self.headings_on(paper=True)]
+        headings = [f"{c.heading} [{c.unit}]".split() for c, _ in self.headings]
         words = [max(len(word) for word in heading) for heading in headings]
-        columns = zip(*self.cells_on(paper=True), strict=True)
+        columns = zip(*self.cells, strict=True)
         texts = [max(map(len, column)) for column in columns] or words
         return [
             _GAP + max(min(word, _LONGEST_WORD), min(text, _LONGEST_TEXT))

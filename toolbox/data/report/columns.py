@@ -16,7 +16,13 @@ if TYPE_CHECKING:
 
 _UNITS = {"1": "", "m2": "m²", "m3": "m³", "1/m2": "1/m²", "degC": "°C", "deg": "°"}
 _UNITS |= {"ft2": "ft²", "ft3": "ft³", "W/m2": "W/m²"}
-_SUFFIXES = {"_m2": "m²", "_m3": "m³", "_m": "m", "_deg": "°", "_kv": "kV"}
+_SUFFIXES = {"_m2": "m²", "_m3": "m³", "_m": "m", "_deg": "°", "_kv": "kV", "_%": "%"}
+LIMITS = {
+    "_block_low": "lower limit by blocks (95 %)",
+    "_block_high": "upper limit by blocks (95 %)",
+    "_low": "lower limit (95 %)",
+    "_high": "upper limit (95 %)",
+}
 _MOST_DIGITS = 4
 _WHOLE = 1000  # numbers from this on have no digits after the point, unless they are said
 _YES = {True: "yes", False: "no"}
@@ -36,6 +42,7 @@ class Column:
     meaning : what files say of a column whose heading says too little, or that has none
     detail : whether a wide table does without it on paper
     names : what is shown in place of words that files hold
+    never_zero : whether it is more than nothing however small, as an uncertainty is
 
     Examples
     --------
@@ -43,6 +50,8 @@ class Column:
     '284.6'
     >>> Column("Kind", names={"omission": "only in the reference"}).text("omission")
     'only in the reference'
+    >>> Column("Standard error", "m", 3, never_zero=True).text(0.00012)
+    '< 0.001'
     """
 
     heading: str
@@ -52,6 +61,7 @@ class Column:
     meaning: str = ""
     detail: bool = False
     names: Mapping[str, str] = field(default_factory=dict)
+    never_zero: bool = False
 
     def text(self, value: Any, digits: int | None = None) -> str:
         """A value of the column as it is shown, with its own digits unless others are given.
@@ -65,9 +75,11 @@ class Column:
             return cell_text(self.names.get(value, value))
         if not math.isfinite(value):
             return ""
-        if value == 0 and digits > _MOST_DIGITS:
+        if value == 0 and digits > _MOST_DIGITS and not self.never_zero:
             return "0"
         text = f"{float(value) * self.factor:.{digits}f}"
+        if self.never_zero and float(text) == 0:
+            return f"< {10.0**-digits:.{digits}f}"
         return text.lstrip("-") if float(text) == 0 else text
 
 
@@ -98,10 +110,18 @@ def unit_text(unit: str | None) -> str:
 
 def column_of(name: str, values: pd.Series[Any], declared: Mapping[str, Column]) -> Column:
     """How a column is shown: as declared, else by its name and its numbers."""
-    found = declared.get(name) or COMMON.get(name) or _by_name(name)
+    found = declared.get(name) or COMMON.get(name) or _limit(name, declared) or _by_name(name)
     if found.digits is None and is_number(values) and values.dtype.kind == "f":
         return replace(found, digits=_digits(values, found.factor))
     return found
+
+
+def _limit(name: str, declared: Mapping[str, Column]) -> Column | None:
+    """How a limit of a declared column is shown, with its unit and digits; None if it is none."""
+    for suffix, words in LIMITS.items():
+        if name.endswith(suffix) and (column := declared.get(name.removesuffix(suffix))):
+            return replace(column, heading=f"{column.heading}, {words}")
+    return None
 
 
 def _by_name(name: str) -> Column:

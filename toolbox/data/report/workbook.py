@@ -132,7 +132,9 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
         for cell, digits in zip(sheet[letter][1:], own, strict=True):
             if digits is not None and isinstance(cell.value, float):
                 cell.value = round(cell.value, digits + _SPARE)
-                cell.number_format = f"0.{'0' * digits}" if digits else "0"
+                shown = f"0.{'0' * digits}" if digits else "0"
+                least = f'[<{0.5 * 10.0**-digits:g}]"{column.text(0.0, digits)}";'
+                cell.number_format = f"{least}{shown}" if column.never_zero else shown
     sheet.row_dimensions[1].height = _LINE * max(
         (
             len(textwrap.wrap(cell.value, int(sheet.column_dimensions[cell.column_letter].width)))

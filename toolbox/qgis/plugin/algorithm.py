@@ -133,7 +133,12 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         read = Reader(self, self.tool["inputs"], parameters, context, feedback)
         given = [(field, read.input(field)) for field in self.tool["inputs"]]
         given += self._written(read, {field["name"]: value for field, value in given})
-        given = [(f, v) for f, v in given if v is not UNSET and not self._is_default(f, v, read)]
+        kept = delivery.decided(self.tool, parameters)
+        given = [
+            (f, v)
+            for f, v in given
+            if v is not UNSET and (f["name"] in kept or not self._is_default(f, v, read))
+        ]
         given = self._without_idle_head(given, feedback)
         values = {field["name"]: value for field, value in given if not field.get("option")}
         options = ["--overwrite"]  # the dialog has asked
@@ -226,6 +231,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
                 continue
             if is_value(field):
                 shown = f"{value:.6g}" if isinstance(value, float) else value
+                shown = f"{100 * value:.4g} %" if field.get("share") else shown
                 feedback.pushInfo(f"{field['label']}: {shown}")
             elif field["type"] == "pointcloud" and not opens_points(str(value)):
                 text = language.text(

@@ -7,7 +7,7 @@ from typing import Any
 
 from qgis.core import QgsProcessingContext, QgsProcessingOutputHtml, QgsProviderRegistry
 
-from .layers import opens_points
+from .layers import is_missing, opens_points
 from .styling import Styler
 
 README, REPORT = "_README", "_REPORT"  # end the names by which the results viewer opens them
@@ -16,6 +16,16 @@ README, REPORT = "_README", "_REPORT"  # end the names by which the results view
 def folder_of(tool: dict[str, Any]) -> dict[str, Any] | None:
     """The field of the folder; None if the tool hands nothing over."""
     return next((field for field in tool["outputs"] if field["type"] == "folder"), None)
+
+
+def decided(tool: dict[str, Any], parameters: dict[str, Any]) -> set[str]:
+    """The inputs of which the dialog decides also where they have their defaults.
+
+    A set has values of its own for them; but what is not ticked in a dialog is not wanted.
+    """
+    folder = folder_of(tool)
+    given = folder and not is_missing(parameters.get(folder["name"].upper()))
+    return set(folder["decided"]) if folder and given else set()
 
 
 def pages(field: dict[str, Any]) -> Any:

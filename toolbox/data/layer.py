@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,8 +46,7 @@ def day_of(head: Mapping[str, str]) -> str:
     return date if _DAY.fullmatch(date) else ""
 
 
-@runtime_checkable
-class Layer(Protocol):
+class Layer:
     """What a tool reads and gives; the defaults are those of a layer without a position.
 
     Attributes

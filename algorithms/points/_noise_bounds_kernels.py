@@ -228,7 +228,7 @@ def _is_usual(near, squared, some, count, own, k, full, reach, ratio, lowest, wi
     """
     few, enough = len(some), len(some) // 2 + 1
     slack = _slack(near, own, full)
-    under, upper, nearest = _closely(near, squared, count, own, k, full, reach, few)
+    under, upper, limit, number = _closely(near, squared, count, own, k, full, reach)
     if upper == np.inf:
         return False
     # The point itself, at no distance, is in all counts.
@@ -236,6 +236,9 @@ def _is_usual(near, squared, some, count, own, k, full, reach, ratio, lowest, wi
         return True
     if _number(squared, count, under * (1.0 - 1.0 / ratio) - slack) > enough:
         return True
+    if number <= few:
+        return False
+    nearest = _limit(squared, count, few, 0.0, limit)
     limit, found = (nearest + slack) ** 2, 0
     for i in range(count):
         if squared[i] <= limit and i != own:
@@ -246,7 +249,7 @@ def _is_usual(near, squared, some, count, own, k, full, reach, ratio, lowest, wi
     unusual = few - found
     for i in some[:found]:
         beside = full - nearest - slack
-        unusual += ratio * _closely(near, squared, count, i, k, beside, reach, few)[0] < upper
+        unusual += ratio * _closely(near, squared, count, i, k, beside, reach)[0] < upper
     return few - unusual >= enough
 
 
@@ -257,16 +260,16 @@ def _slack(near, own, full):
 
 
 @helper
-def _closely(near, squared, count, own, k, full, reach, few):
-    """Lower and upper bound of a mean distance, and a distance within which the `few` nearest are.
+def _closely(near, squared, count, own, k, full, reach):
+    """Lower and upper bound of a mean distance, a distance, and how many points are within it.
 
-    All points within `full` are there. The upper bound is infinite if fewer than k are within
-    `reach`, the distance if `few` are not within `full`. Squared distances are put into `squared`.
+    All points within `full` are there, and so are those within the distance. The upper bound is
+    infinite if fewer than k are within `reach`. Squared distances are put into `squared`.
     """
     _squares(near, count, own, squared)
     slack = _slack(near, own, full)
     if _number(squared, count, reach - slack) <= k:
-        return 0.0, np.inf, np.inf
+        return 0.0, np.inf, 0.0, 0.0
     complete = _number(squared, count, full) > k
     limit = (
         _limit(squared, count, k, 0.0, full) if complete else _limit(squared, count, k, full, reach)
@@ -277,11 +280,7 @@ def _closely(near, squared, count, own, k, full, reach, few):
         limit = full
         total, number = _sum(squared, count, limit)
     under = limit - ((number - 1) * limit - total) / k - slack
-    return (
-        max(under, 0.0),
-        upper,
-        _limit(squared, count, few, 0.0, limit) if number > few else np.inf,
-    )
+    return max(under, 0.0), upper, limit, number
 
 
 @helper

@@ -450,19 +450,23 @@ def raised_share(
 
 
 @functools.cache
-def sectors() -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """Offsets at which a cell looks, sector by sector, and how near they may be.
+def sectors() -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
+    """Offsets at which a cell looks, sector by sector, and how far away they are.
 
     Returns
     -------
     offsets : array of shape (levels, k, 3), rows down, columns right, sector 0 to 7; the coarser
         levels begin where the finer ones end, so they skip the middle, and end in zeros
     starts : array of shape (levels, 9), the first offset of each sector, and their number
-    nearest : array of shape (levels, 8), least distance in metres from any place in a cell of a
-        level to the middle of a cell of the sector
+    away : array of shape (levels, size, size, k), metres from a place in a cell of a level, rows
+        and columns from its first, to the middle of the cell at each offset
+    nearest : array of shape (levels, size, size, 8), the least of them in each sector
     """
+    size = 1 << (LEVELS - 1)
     offsets = np.zeros((LEVELS, (2 * LOOK + 1) ** 2, 3), np.int64)
-    starts, nearest = np.zeros((LEVELS, 9), np.int64), np.full((LEVELS, 8), np.inf)
+    starts = np.zeros((LEVELS, 9), np.int64)
+    away = np.zeros((LEVELS, size, size, offsets.shape[1]))
+    nearest = np.zeros((LEVELS, size, size, 8))
     for level in range(LEVELS):
         near, size = LOOK / 2 if level else 0, 1 << level
         ring = [
@@ -474,9 +478,14 @@ def sectors() -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
         for k, (sector, down, right) in enumerate(sorted(ring)):
             offsets[level, k] = down, right, sector
             starts[level, sector + 1 :] = k + 1
-            away = [max(0.0, abs(way) * size - (size - 1) / 2) for way in (down, right)]
-            nearest[level, sector] = min(nearest[level, sector], math.hypot(*away))
-    return offsets, starts, nearest * (1 - 1e-9)  # whatever the rounding
+        south, east = (
+            offsets[level, :, axis] * size + 0.5 * (size - 1) - np.arange(size)[:, None]
+            for axis in (0, 1)
+        )
+        away[level, :size, :size] = np.sqrt(south[:, None] ** 2 + east**2)
+        count = starts[level, 8]
+        nearest[level] = np.minimum.reduceat(away[level, ..., :count], starts[level, :8], axis=-1)
+    return offsets, starts, away, nearest
 
 
 def votes_of_planes(z: Cells, votes: Cells, ctx: Context) -> Cells:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from algorithms.shared.kernels.compiling import helper, kernel
+from algorithms.shared.kernels.compiling import helper, inlined, kernel
 from algorithms.shared.sets import root
 
 
@@ -54,37 +54,39 @@ def _sector_minima(low, row, look, offsets, stop, minima):
 
 
 @helper
-def _falls(r, c, highest, slope, lows, minima, look, offsets, starts, nearest, limit, way):
+def _falls(r, c, highest, slope, lows, minima, look, offsets, starts, away, nearest, limit, way):
     """Bits of the 8 sectors around a cell with data, and of those with a cell below `highest`.
 
     Of each such sector `way` receives where the cell is whose cone with `slope` is lowest here, in
     rows and columns, and its height. `lows` have a margin of `look` cells, `minima` are those of
-    the sectors by level, `offsets` hold, for each level, rows down, columns right and the sector,
-    sector by sector, each beginning at its `starts`, and no cell of a sector is nearer than
-    `nearest`. `limit` is scratch for 8 heights.
+    the sectors by level; for the others see :func:`algorithms.shared.terrain.sectors`. `limit` is
+    scratch for 8 heights.
     """
     seen = falls = 0
     limit[:] = highest
     for level in range(len(lows) - 1, -1, -1):
         low, size = lows[level], 1 << level
         i, j = (r >> level) + look, (c >> level) + look
+        down, right = r & (size - 1), c & (size - 1)
+        far, near = away[level, down, right], nearest[level, down, right]
         for sector in range(8):
             least = minima[level, sector, j - look]
             if least < np.inf:
                 seen |= 1 << sector
             # No cone is lower than this; most ground needs no look.
-            if not least + slope * nearest[level, sector] < limit[sector]:
+            if not least + slope * near[sector] < limit[sector]:
                 continue
+            best = -1
             for k in range(starts[level, sector], starts[level, sector + 1]):
-                height = low[i + offsets[level, k, 0], j + offsets[level, k, 1]]
-                if height < limit[sector]:  # else its cone is no lower either
-                    row = (i + offsets[level, k, 0] - look + 0.5) * size - 0.5
-                    col = (j + offsets[level, k, 1] - look + 0.5) * size - 0.5
-                    cone = height + slope * math.sqrt((row - r) ** 2 + (col - c) ** 2)
-                    if cone < limit[sector]:
-                        limit[sector] = cone
-                        way[sector, 0], way[sector, 1], way[sector, 2] = row - r, col - c, height
-                        falls |= 1 << sector
+                cone = low[i + offsets[level, k, 0], j + offsets[level, k, 1]] + slope * far[k]
+                if cone < limit[sector]:
+                    limit[sector], best = cone, k
+            if best >= 0:
+                falls |= 1 << sector
+                south, east = offsets[level, best, 0], offsets[level, best, 1]
+                way[sector, 0] = south * size + 0.5 * (size - 1) - down
+                way[sector, 1] = east * size + 0.5 * (size - 1) - right
+                way[sector, 2] = low[i + south, j + east]
     return seen, falls
 
 
@@ -108,6 +110,7 @@ def raised(
     look,
     offsets,
     starts,
+    away,
     nearest,
     slope,
     thin,
@@ -136,8 +139,8 @@ def raised(
             if math.isnan(z[r, c]):
                 continue
             highest, steep = z[r, c] - fall, slope[r, c]
-            seen, falls = _falls(
-                *(r, c, highest, steep, lows, minima, look, offsets, starts, nearest, limit, way)
+            seen, falls = _falls(  # arguments in a tuple would take a fifth of the time
+                r, c, highest, steep, lows, minima, look, offsets, starts, away, nearest, limit, way
             )
             count, votes = 0, 0
             for k in range(8):
@@ -292,21 +295,26 @@ def planes(first, last, weights, residuals, sigma, enough, stiff, out):
                 m[6, c] += v
                 m[7, c] += v * d
                 m[8, c] += vy
-        hold = stiff * sigma * sigma
-        for c in range(cols):
-            if m[0, c] < 1e-6:
-                out[r, c] = np.nan
-                continue
-            x, y, v = m[1, c] / m[0, c], m[2, c] / m[0, c], m[6, c] / m[0, c]
-            xx = m[3, c] / m[0, c] - x * x + hold
-            xy = m[4, c] / m[0, c] - x * y
-            yy = m[5, c] / m[0, c] - y * y + hold
-            xv, yv = m[7, c] / m[0, c] - x * v, m[8, c] / m[0, c] - y * v
-            determinant = xx * yy - xy * xy
-            east = (xv * yy - yv * xy) / determinant
-            south = (yv * xx - xv * xy) / determinant
-            trust = min(max(m[0, c] / enough - 0.5, 0.0), 1.0)
-            out[r, c] = (v - east * x - south * y) * trust
+        _plane(m, stiff * sigma * sigma, enough, out[r])
+
+
+@inlined
+def _plane(m, hold, enough, out):
+    """Height of the plane of each cell of a row, from the moments; see :func:`planes`."""
+    for c in range(len(out)):
+        if m[0, c] < 1e-6:
+            out[c] = np.nan
+            continue
+        x, y, v = m[1, c] / m[0, c], m[2, c] / m[0, c], m[6, c] / m[0, c]
+        xx = m[3, c] / m[0, c] - x * x + hold
+        xy = m[4, c] / m[0, c] - x * y
+        yy = m[5, c] / m[0, c] - y * y + hold
+        xv, yv = m[7, c] / m[0, c] - x * v, m[8, c] / m[0, c] - y * v
+        determinant = xx * yy - xy * xy
+        east = (xv * yy - yv * xy) / determinant
+        south = (yv * xx - xv * xy) / determinant
+        trust = min(max(m[0, c] / enough - 0.5, 0.0), 1.0)
+        out[c] = (v - east * x - south * y) * trust
 
 
 @kernel
@@ -314,17 +322,19 @@ def add_bilinear(surface, coarse, level):
     """Add a surface with cells of 2**level metres to a surface, interpolated bilinearly."""
     size = 1 << level
     rows, cols = coarse.shape
+    lines = np.empty((rows, surface.shape[1]))
+    for c in range(surface.shape[1]):
+        x = min(max((c + 0.5) / size - 0.5, 0.0), cols - 1.0)
+        j = min(int(x), max(cols - 2, 0))
+        right, u = min(j + 1, cols - 1), x - j
+        for i in range(rows):
+            lines[i, c] = coarse[i, j] * (1 - u) + coarse[i, right] * u
     for r in range(surface.shape[0]):
         y = min(max((r + 0.5) / size - 0.5, 0.0), rows - 1.0)
         i = min(int(y), max(rows - 2, 0))
         below, v = min(i + 1, rows - 1), y - i
         for c in range(surface.shape[1]):
-            x = min(max((c + 0.5) / size - 0.5, 0.0), cols - 1.0)
-            j = min(int(x), max(cols - 2, 0))
-            right, u = min(j + 1, cols - 1), x - j
-            upper = coarse[i, j] * (1 - u) + coarse[i, right] * u
-            lower = coarse[below, j] * (1 - u) + coarse[below, right] * u
-            surface[r, c] += upper * (1 - v) + lower * v
+            surface[r, c] += lines[i, c] * (1 - v) + lines[below, c] * v
 
 
 @helper

@@ -506,7 +506,7 @@ def test_raised_is_what_falls_off_in_all_directions(steepness: float) -> None:
 
 def test_a_cell_looks_into_eight_sectors_without_gaps() -> None:
     """Fine cells near by, coarser ones where those end; a quarter turn is two sectors."""
-    offsets, starts, nearest = finding.sectors()
+    offsets, starts, far, nearest = finding.sectors()
     for level, ring in enumerate(offsets.tolist()):
         sector = {(down, right): k for down, right, k in ring[: starts[level, 8]]}
         near = {(i, j) for i, j, away in around(8) if away > (4 if level else 0)}
@@ -516,18 +516,18 @@ def test_a_cell_looks_into_eight_sectors_without_gaps() -> None:
             assert sector[right, -down] == (k + 2) % 8
             assert sector.get((2 * down, 2 * right), k) == k
             assert (down, right, k) in map(tuple, ring[starts[level, k] : starts[level, k + 1]])
-        # No cell of a sector is nearer than told, wherever in its own cell of the level one stands.
+        # Wherever in its own cell of the level one stands.
         size = 1 << level
-        for k in range(8):
-            ways = [
-                math.hypot(down * size + (size - 1) / 2 - r, right * size + (size - 1) / 2 - c)
-                for (down, right), of in sector.items()
-                for r in range(size)
-                for c in range(size)
-                if of == k
-            ]
-            assert nearest[level, k] == pytest.approx(min(ways))
-            assert nearest[level, k] < min(ways)
+        for r in range(size):
+            for c in range(size):
+                ways = [
+                    math.hypot(down * size + (size - 1) / 2 - r, right * size + (size - 1) / 2 - c)
+                    for down, right, _ in ring[: starts[level, 8]]
+                ]
+                assert far[level, r, c, : starts[level, 8]] == pytest.approx(ways)
+                for k in range(8):
+                    there = far[level, r, c, starts[level, k] : starts[level, k + 1]]
+                    assert nearest[level, r, c, k] == there.min()
 
 
 def test_cells_on_one_plane_vote_alike() -> None:

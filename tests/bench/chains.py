@@ -1,8 +1,9 @@
 """Whole chains, as users run them: what each step takes, beside laspy's reading of the same file.
 
-Each chain is one run in a process of its own, from files to files. Figures of a machine say little
-on another one; what they are worth is their ratio to reading, which ``--record`` keeps for each
-commit and ``--check`` compares with the last that was kept. A ratio is by processor time: by the
+Each chain is one run in a process of its own, from files to files, that treats its memory as a
+command does. Figures of a machine say little on another one; what they are worth is their ratio to
+reading, which ``--record`` keeps for each commit and ``--check`` compares with the last that was
+kept. A ratio is by processor time: by the
 clock a run depends on what else the machine does.
 
 ::
@@ -19,6 +20,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -58,6 +60,9 @@ ENDINGS = {"PointCloud": ".laz", "Raster": ".tif", "Vector": ".gpkg"}
 IN_DUTCH = {"assume_crs": "EPSG:28992"}  # what the files that follow do not state
 IN_DUTCH_GRID = (LINE, DAM, TOWN)
 
+AS_USERS = {name: v for name, v in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""The environment of a user, whose Python keeps modules that it has compiled."""
+
 READING = """
 import sys, time, laspy
 start = time.process_time()
@@ -79,6 +84,8 @@ def state(name):
             int(said["VmHWM"].split()[0]) / 1024, int(said["wchar"]) / 1e6]
 
 marks = [["start", 0.0, time.perf_counter(), 0.0, 0.0]]
+from toolbox.allocation import keep_memory
+keep_memory()
 import toolbox, toolbox.execute
 from toolbox.context import Context
 from toolbox.runs import lineage
@@ -176,7 +183,9 @@ def _run(name: str) -> list[list[Any]]:
         paths = {n: f"{out / n}{ENDINGS[spec.outputs[n].kind.word]}" for n in outputs}
         values = {"points": str(DATA / file), **settings, **paths}
         command = [sys.executable, "-c", RUN, json.dumps([id, values, how])]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+        done = subprocess.run(
+            command, capture_output=True, text=True, cwd=ROOT, env=AS_USERS, check=False
+        )
     if done.returncode:
         sys.exit(f"{name}: {done.stderr}")
     marks: list[list[Any]] = json.loads(done.stdout.splitlines()[-1])

@@ -14,6 +14,7 @@ from algorithms.shared.otsu import otsu_threshold
 from algorithms.shoreline._bodies import (
     COMPACT,
     LEVEL,
+    SPARSE,
     Body,
     CellGrid,
     core_of,
@@ -54,10 +55,21 @@ def reaches(cells: CellGrid, body: Body, least: int, most: float) -> list[Body]:
     if _from_plane(cells, core, heights) <= most:
         return [body]
     upper = heights >= otsu_threshold(heights)
+    if _stands_above(cells, core[upper], core[~upper]):
+        return [body]
     pieces = [piece for part in (upper, ~upper) for piece in _pieces(cells, core[part], least)]
     if sum(len(piece) for piece in pieces) < COMPACT * len(core):
         return [body]
     return [_reach(cells, body, part) for part in _nearest(cells, body.cells, pieces)]
+
+
+def _stands_above(cells: CellGrid, upper: Ints, lower: Ints) -> bool:
+    """Whether what is higher is no water but a pier or boats: few of its cells have points.
+
+    The others are amid a hole, and only near such points. Pools of one river return alike.
+    """
+    filled = cells.count.ravel() > 0
+    return bool(filled[upper].mean() < SPARSE * filled[lower].mean())
 
 
 def _from_plane(cells: CellGrid, core: Ints, heights: Floats) -> float:

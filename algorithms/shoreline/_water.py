@@ -61,6 +61,7 @@ OVERLAP = 0.2  # share of a level place that is water found: its rest is not tol
 BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
 ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
 STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
+SURROUNDED = 0.5  # share of the rim of a water without a shore that has points
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
 LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
@@ -111,7 +112,7 @@ def find_water(
         bodies = joined(cells, [water.body for water in found])
         if k + 1 >= ROUNDS and len(bodies) == len(found):
             break
-    found = _without_steep(cells, found)  # of whose pieces some would be level
+    found = _without_gaps(cells, found)  # of whose pieces some would be level
     found = [part for water in found for part in _parted(points, cells, pour.least, water)]
     found = [reach for water in found for reach in _reaches(points, cells, pour.least, water)]
     ctx.progress(1.0)
@@ -152,22 +153,30 @@ def _reaches(points: Returns, cells: CellGrid, least: int, water: Water) -> list
     return [reach for part in found for reach in _reaches(points, cells, least, part)]
 
 
-def _without_steep(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
-    """Waters but for places that fall as no smooth surface does, such as a gap on a hillside.
-
-    Streams so steep fall in steps and cascades (Montgomery and Buffington, 1997, Channel-reach
-    morphology in mountain drainage basins).
-    """
-    tilts = [_tilt(cells, water) for water in found]
-    most = STEEPEST * cells.lattice.cell
-    flat = [one for one, t in zip(found, tilts, strict=True) if math.hypot(t.south, t.east) <= most]
-    if len(flat) < len(found):
+def _without_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
+    """Waters but for gaps of the data on land, which are told of."""
+    kept = [water for water in found if not _is_gap(cells, water)]
+    if len(kept) < len(found):
         log.info(
-            "%d places fall by more than %.0f %%, and are no water: hillsides, or a torrent",
-            len(found) - len(flat),
+            "%d places are no water but gaps of the data, which fall by more than %.0f %%, as "
+            "hillsides do, or lie between its pieces and have no shore at one level",
+            len(found) - len(kept),
             100 * STEEPEST,
         )
-    return flat
+    return kept
+
+
+def _is_gap(cells: CellGrid, water: Water) -> bool:
+    """Whether a place is steeper than smooth water, or has neither shores nor data around it.
+
+    Steeper streams fall in steps and cascades (Montgomery and Buffington, 1997, Channel-reach
+    morphology in mountain drainage basins).
+    """
+    tilt = _tilt(cells, water)
+    if math.hypot(tilt.south, tilt.east) > STEEPEST * cells.lattice.cell:
+        return True
+    beside = cells.count.ravel()[around(cells.lattice, water.body.cells, 1)] > 0
+    return bool(_hidden(cells, water) > 0 and beside.mean() < SURROUNDED)
 
 
 def _is_road(cells: CellGrid, water: Water) -> bool:

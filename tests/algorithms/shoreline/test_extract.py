@@ -153,6 +153,37 @@ def test_a_notch_of_the_data_on_a_hillside_is_no_river(
     assert "fall by more than 3 %" in caplog.text
 
 
+def bay(seed: int) -> PointCloud:
+    """Water at 0.8 m south of a bank, with a hole in which there are points on a pier alone."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 300, (2, 36_000))
+    wet = y < 180
+    z = 0.8 + np.clip(0.5 * (y - 180), 0, 6) + rng.normal(0, 0.04, len(x))
+    hole = (abs(x - 60) < 55) & (y > 60) & (y < 170)
+    kept = ~wet | ((rng.random(len(x)) < 0.4) & ~hole)
+    pier = np.column_stack([rng.uniform(57, 63, 24), rng.uniform(80, 150, 24), np.full(24, 6.6)])
+    intensity = np.concatenate([np.where(wet, 100, 300)[kept], np.full(24, 250)])
+    xyz = np.round(np.vstack([np.column_stack([x, y, z])[kept], pier]), 3) + ORIGIN
+    single = np.zeros(len(xyz), bool)
+    return PointCloud(xyz, columns(intensity.astype(np.uint16), single), crs=UTM, name="bay.laz")
+
+
+def test_a_pier_is_no_reach_of_a_river() -> None:
+    assert only(extract(bay(0), bodies="all", sloped=True)).level == pytest.approx(0.8, abs=0.01)
+
+
+@pytest.mark.parametrize(("rise", "count"), [(0.3, 1), (1.0, 0)])
+def test_between_two_pieces_of_data_water_must_have_a_shore(rise: float, count: int) -> None:
+    """Two banks 200 m apart, and nothing north and south of them; the steep one hides its shore."""
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 200, 40_000), rng.uniform(0, 100, 40_000)
+    z = rise * abs(x - 100) + rng.normal(0, 0.02, len(x))
+    xyz = np.column_stack([x + 200 * (x > 100), y, z]) + ORIGIN
+    intensity, single = np.full(len(x), 1000, np.uint16), np.zeros(len(x), bool)
+    cloud = PointCloud(np.round(xyz, 3), columns(intensity, single), crs=UTM, name="banks.laz")
+    assert extract(cloud, bodies="all").count == count
+
+
 def test_a_steep_river_is_one() -> None:
     row = only(extract(river(fall=0.025, returned=0.3), sloped=True))
     assert row.slope == pytest.approx(0.025, rel=0.02)

@@ -61,17 +61,17 @@ COVERS = {
     "bias": Column("Mean", "m", 3),
     "std": Column("Standard deviation", "m", 3),
     "rmse": Column("RMSE", "m", 3),
-    "mae": Column("Mean size", "m", 3, detail=True),
+    "mae": Column("Mean size", "m", 3),
     "median": Column("Median", "m", 3),
-    "mad": Column("MAD", "m", 3, detail=True),
+    "mad": Column("MAD", "m", 3),
     "nmad": Column("NMAD", "m", 3),
-    "le90": Column("LE90", "m", 3, detail=True),
+    "le90": Column("LE90", "m", 3),
     "le95": Column("LE95", "m", 3),
     "min": Column("Lowest", "m", 3),
-    **{f"p{n}": Column(f"{n} % are lower", "m", 3, detail=True) for n in (5, 25, 75, 95)},
+    **{f"p{n}": Column(f"{n} % are lower", "m", 3) for n in (5, 25, 75, 95)},
     "max": Column("Highest", "m", 3),
-    "far": Column("Farther than 3 NMAD", detail=True),
-    "emptiest_quarter": Column("In the emptiest quarter", "%", 0, 100.0, detail=True),
+    "far": Column("Farther than 3 NMAD"),
+    "emptiest_quarter": Column("In the emptiest quarter", "%", 0, 100.0),
 }
 
 

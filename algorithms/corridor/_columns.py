@@ -12,9 +12,9 @@ LENGTHS = {
         meaning="In the direction of the rule; of a tree that may fall, as it stands",
     ),
     "clearance_low": Column("Clearance, least at other temperatures", "m", 2),
-    "clearance_high": Column("Clearance, greatest at other temperatures", "m", 2, detail=True),
+    "clearance_high": Column("Clearance, greatest at other temperatures", "m", 2),
     "required": Column("Required", "m", 2),
-    "distance": Column("Distance in space", "m", 2, detail=True),
+    "distance": Column("Distance in space", "m", 2),
     "vertical": Column("Below the wire", "m", 2),
     "horizontal": Column("Beside the wire", "m", 2),
     "chainage": Column("Along the span", "m", 1),
@@ -23,23 +23,21 @@ LENGTHS = {
 OBJECTS = {
     **LENGTHS,
     "object_id": Column("Object"),
-    "clump": Column(
-        "Clump", meaning="Objects with the same number touch, as trees of one group", detail=True
-    ),
+    "clump": Column("Clump", meaning="Objects with the same number touch, as trees of one group"),
     "severity": Column("Severity"),
     "kind": Column("Kind"),
     "rule": Column("Rule"),
-    "sd": Column("Standard deviation", "m", 2, detail=True, never_zero=True),
-    "probability": Column("Probability that the rule is broken", "%", 0, 100.0, detail=True),
+    "sd": Column("Standard deviation", "m", 2, never_zero=True),
+    "probability": Column("Probability that the rule is broken", "%", 0, 100.0),
     "falls": Column("Gap to the wire when it falls (below 0: beyond it)", "m", 1),
     "height": Column("Height above the ground", "m", 1),
     "state": Column("State of the wires"),
     "as_surveyed": Column(
         "Listed also as surveyed", meaning="No: only with the wires hot or in wind"
     ),
-    "may_be_wire": Column("Shape of a wire", detail=True),
-    "points": Column("Points", detail=True),
-    "elevation": Column("Elevation", "unit", 2, detail=True),
+    "may_be_wire": Column("Shape of a wire"),
+    "points": Column("Points"),
+    "elevation": Column("Elevation", "unit", 2),
 }
 
 UNSURE = {
@@ -58,23 +56,20 @@ SPANS = {
     "from_tower": Column("From tower (0: end of the data)"),
     "to_tower": Column("To tower (0: end of the data)"),
     "conductors": Column("Conductors found", "", 0),
-    "expected": Column("Conductors in neighbouring spans", "", 0, detail=True),
-    "seen_share": Column("Seen of the conductor seen least", "%", 0, 100.0, detail=True),
-    "wire_like": Column("Wire-like points beside it", "m", 0, detail=True),
+    "expected": Column("Conductors in neighbouring spans", "", 0),
+    "seen_share": Column("Seen of the conductor seen least", "%", 0, 100.0),
+    "wire_like": Column("Wire-like points beside it", "m", 0),
     "length": Column("Length", "m", 1),
     "sag": Column("Sag", "m", 2),
-    "swing": Column("Swing of the wire that swings most", "°", 1, detail=True),
+    "swing": Column("Swing of the wire that swings most", "°", 1),
     "swing_sd": Column(
         "Standard deviation of the swing",
         "°",
         1,
         meaning="Of the wires as surveyed: by the scatter of the points, and how much was seen",
-        detail=True,
         never_zero=True,
     ),
-    "clearance_sd": Column(
-        "Standard deviation of the clearance", "m", 2, detail=True, never_zero=True
-    ),
+    "clearance_sd": Column("Standard deviation of the clearance", "m", 2, never_zero=True),
     **{
         kind: Column(f"To {word}", "m", 2)
         for kind, word in {
@@ -159,16 +154,15 @@ WIRES = {
     "from_tower": SPANS["from_tower"],
     "to_tower": SPANS["to_tower"],
     "azimuth": Column(
-        "Azimuth", "°", 1, meaning="Direction of the axis, clockwise from grid north", detail=True
+        "Azimuth", "°", 1, meaning="Direction of the axis, clockwise from grid north"
     ),
     "span": Column("Span length", "m", 1, meaning="Length of the axis, in plan"),
-    "c": Column("Catenary constant", "m", 0, meaning="Horizontal tension over weight", detail=True),
+    "c": Column("Catenary constant", "m", 0, meaning="Horizontal tension over weight"),
     "swing": Column(
         "Swing",
         "°",
         1,
         meaning="Angle by which it hangs beside the vertical, above 0 to the left of the axis",
-        detail=True,
     ),
     "sag": Column("Sag", "m", 2, meaning="Greatest vertical distance below its chord"),
     "length": Column("Length of the wire", "m", 1),
@@ -177,13 +171,10 @@ WIRES = {
         "m",
         3,
         meaning="Root mean square of the distances of its points from it, square to the axis",
-        detail=True,
     ),
-    "points": Column("Points", meaning="Points to which it was fitted", detail=True),
-    "seen_from": Column(
-        "Seen from", "m", 0, meaning="First of its points, along the axis", detail=True
-    ),
-    "seen_to": Column("Seen to", "m", 0, meaning="Last of its points, along the axis", detail=True),
+    "points": Column("Points", meaning="Points to which it was fitted"),
+    "seen_from": Column("Seen from", "m", 0, meaning="First of its points, along the axis"),
+    "seen_to": Column("Seen to", "m", 0, meaning="Last of its points, along the axis"),
     "seen_share": Column(
         "Seen",
         "%",
@@ -191,12 +182,12 @@ WIRES = {
         100.0,
         meaning="Share of its length without gaps longer than the spacing of its points explains",
     ),
-    "longest_gap": Column("Longest gap", "m", 1, detail=True),
+    "longest_gap": Column("Longest gap", "m", 1),
     "conductors": SPANS["conductors"],
     "expected": SPANS["expected"],
-    "z_start": Column("Elevation at the start", "m", 2, detail=True),
-    "z_end": Column("Elevation at the end", "m", 2, detail=True),
-    "sd_sag": Column("Standard deviation of the sag", "m", 3, detail=True, never_zero=True),
+    "z_start": Column("Elevation at the start", "m", 2),
+    "z_end": Column("Elevation at the end", "m", 2),
+    "sd_sag": Column("Standard deviation of the sag", "m", 3, never_zero=True),
 }
 
 TOWERS = {

@@ -639,7 +639,7 @@ class CorridorClearance:
         if len(lone):
             x, y = cloud.xyz[surroundings.index[lone[0]], :2]
             log.warning(
-                "%d points are too close, but too few for an object (min_points): the most urgent "
+                "%d points are too close, but too few for an object: the most urgent "
                 "at %.10g, %.10g; they are in the file of points alone, as object 0",
                 len(lone),
                 x,

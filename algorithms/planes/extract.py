@@ -31,7 +31,7 @@ from algorithms.planes._search import Orientation, Rules, steepness
 from algorithms.planes._segment import segment
 from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud, Vector
 from toolbox.data.crs import local_like
 from toolbox.declare import Share, outputs, param, show, sink, source, tool
@@ -182,9 +182,10 @@ class PlanesExtract:
                 found.noise / cloud.metre,
             )
         if not found.planes:
+            wanted = ("min_points", "min_extent", "plane_gap", "orientation")
+            settings = [name for name in map(setting_name, wanted) if name]
             log.warning(
-                "no plane was found; look at min_points, min_extent, plane_gap, orientation and "
-                "the unit of the points"
+                "no plane was found; look at %s", ", ".join([*settings, "the unit of the points"])
             )
         if self.regularise:
             found = regular(xyz, found, math.radians(self.regular_angle))

@@ -34,7 +34,7 @@ from algorithms.planes._relief import Relief, relief_of
 from algorithms.planes._segment import parts_of
 from algorithms.shared.plane_fit import Plane
 from algorithms.shared.plane_numbers import plane_numbers
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud, Vector
 from toolbox.data.crs import local_like
 from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
@@ -310,15 +310,17 @@ class PlanesOpenings:
             )
             return
         reason, count = Counter(reasons).most_common(1)[0]
+        sizes = [name for name in map(setting_name, ("min_width", "min_points")) if name]
+        smaller = f"; smaller ones are looked for with {' and '.join(sizes)}" if sizes else ""
         log.warning(
             "the front of plane %s has no openings; most gaps are: %s (%d of %d), and the layer "
-            "dropped has where; planes.openings has min_width and min_points for smaller ones; of "
-            "a curtain wall with much seen on its glass, give the points of its frames alone "
-            "(points.filter_intensity)",
+            "dropped has where%s; of a curtain wall with much seen on its glass, give the points "
+            "of its frames alone (points.filter_intensity)",
             names,
             reason,
             count,
             len(reasons),
+            smaller,
         )
 
     def _warn_if_bent(self, number: int, degrees: float) -> None:
@@ -358,8 +360,8 @@ class PlanesOpenings:
         if step > NOISY * min_recess:
             log.warning(
                 "the points of front %d scatter about its wall: only what stands back by %.2f m or "
-                "more is told from it, not by min_recess of planes.openings, %g m; openings with "
-                "panes nearer to the wall may be missed, and others may be none",
+                "more is told from it, not by the %g m that openings are looked for with; those "
+                "with panes nearer to the wall may be missed, and others may be none",
                 number,
                 step,
                 min_recess,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.parameters import STRUCTURES, SURFACES
 from algorithms.shared.returns import ReturnNumbers, let_through, warn_of_missing
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud
 from toolbox.declare import Share
 from toolbox.errors import NothingToDo
@@ -195,10 +195,11 @@ class Candidates:
             log.info("class 2 (ground) of the file is replaced by what is found here")
         gone = np.unique(old[old != new])
         if named := [str(number) for number in gone if number not in (0, OTHER, GROUND)]:
+            setting = setting_name("keep_classes")
             log.info(
-                "points of class %s become 2 on the ground and 1 elsewhere, unless keep_classes "
-                "names it",
+                "points of class %s become 2 on the ground and 1 elsewhere%s",
                 ", ".join(named),
+                f", unless they are named by {setting}" if setting else "",
             )
 
     def ground(self, classified: PointCloud, found: Mask) -> PointCloud:

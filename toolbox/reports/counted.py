@@ -20,8 +20,8 @@ from toolbox.reports import words
 
 _SHARE = {"Share": Column("Share", "%", 1, 100.0)}
 _OF_RASTERS = {
-    "Rows": Column("Rows", detail=True),
-    "Columns": Column("Columns", detail=True),
+    "Rows": Column("Rows"),
+    "Columns": Column("Columns"),
     "Lowest": Column("Lowest", "", 2),
     "Highest": Column("Highest", "", 2),
     "Empty": Column("Empty cells", "%", 1, 100.0),

@@ -35,8 +35,7 @@ MOSTLY = 0.5  # share of the points of an object in the shape of a wire, from wh
 SPAN_COLUMNS = ("conductors", "expected", "seen_share", "wire_like")
 ADVICE = (
     "No clearance is measured from a wire that was not found, so those of these spans may be too "
-    "large. Look at the points there, or extract the wires with another wire_tolerance, or from "
-    "denser data."
+    "large. Look at the points there, or extract the wires from denser data."
 )
 
 Floats = NDArray[np.float64]
@@ -154,6 +153,6 @@ def warn_of_wire_like(like: WireLike) -> None:
         spans = ", ".join(map(str, sorted(like.lengths)))
         log.warning(
             "points in the shape of a wire, which are none, hang beside spans %s: look at them; "
-            "with another wire_tolerance, or denser data, they may be found as wires",
+            "in denser data they may be found as wires",
             spans,
         )

@@ -23,7 +23,7 @@ from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, on_wire
 from algorithms.corridor._settings import SETTINGS
-from toolbox.context import log
+from toolbox.context import log, setting_name
 from toolbox.data import Vector
 
 Floats = NDArray[np.float64]
@@ -132,8 +132,10 @@ def _expected(span: int, found: dict[int, int], beside: dict[int, set[int]]) -> 
 
 def warn_of_missed(wires: Vector) -> None:
     """Log which spans lack conductors, what was seen in part, and if points are too few."""
+    setting = setting_name("wire_tolerance")
+    how = f", or try another value of {setting}" if setting else ""
     for text in missed(wires):
-        log.warning("%s; look at it, try another wire_tolerance, or denser data", text)
+        log.warning("%s; look at it, try denser data%s", text, how)
     frame = wires.frame
     if not len(frame):
         return

@@ -259,7 +259,7 @@ def test_walls_that_scatter_are_told(caplog: pytest.LogCaptureFixture) -> None:
     columns = {name: quiet[name] for name in ("plane_id", "kind")}
     found(PointCloud(xyz, columns, crs=UTM))
     assert "front 1 scatter about its wall: only what stands back by 0.09 m" in caplog.text
-    assert "not by min_recess of planes.openings, 0.02 m" in caplog.text
+    assert "not by the 0.02 m" in caplog.text
 
 
 def test_points_too_far_apart_for_openings_are_told(caplog: pytest.LogCaptureFixture) -> None:

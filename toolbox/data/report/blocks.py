@@ -25,11 +25,11 @@ _FEW_ROWS = 15  # of a table that is not cut on paper
 _GAP = 3  # characters between the columns of a printed table
 _LONGEST_WORD = 11  # characters of a heading before it is hyphenated in print
 _LONGEST_TEXT = 26  # characters of a text in print before it goes on in another line
-_WIDE = 9  # columns; a table of more is printed on a page of its own, across
-_ACROSS = 762  # points of a line on A4 across, without the margins of style.css
+_WIDE = 9  # columns; of a table of more, each is printed as wide as its texts need
+_UPRIGHT, _ACROSS = 516, 762  # points of a line on A4, without the margins of style.css
+_NARROWER = (1.0, 0.9, 0.8, 0.7, 0.6)  # of that line, so that parts of a table are alike
 _LETTER = 0.6  # width of a letter to its size: digits have 0.56 in Arial, 0.64 in DejaVu Sans
 _SMALLEST, _LARGEST = 6.0, 7.5  # points: as small as is read in print, and that of other tables
-_ROOM = _ACROSS / (_LETTER * _SMALLEST)  # letters of a line across
 _NAMING = 1  # column that says which row it is, and is shown also where all rows are alike
 _MOST_NAMING = 3  # columns that are printed once more beside those that have no room next to them
 _NAMED = ("measure", "meaning")  # columns that hold names of measures
@@ -198,19 +198,18 @@ class Rows:
     def pieces(self, *, paper: bool) -> list[Piece]:
         """The tables that it is shown as: one in a browser, and on paper as many as it takes.
 
-        A wide table is printed without its details first, and these below; columns for which a
-        page has no room follow, too. Those that say which row it is stand in each of them.
+        Columns for which a page across has no room follow below, beside those that say which row
+        it is; no table is much wider than another.
         """
-        shown = [k for k in range(len(self.headings)) if k not in self.alike]
-        if not paper or not self.is_wide or self.is_list:
-            return [Piece(self, shown)]
-        naming = shown[: self._naming(shown)]
-        others = shown[len(naming) :]
-        plain = [k for k in others if not self.headings[k][0].detail]
-        details = [k for k in others if self.headings[k][0].detail]
-        across = self.is_across(paper=True)
-        parts = (columns for columns in (plain, details) if columns)
-        return [piece for part in parts for piece in self._cut(naming, part, across=across)]
+        if not paper or not self.is_wide or self.is_list or self._whole.fits(_ACROSS):
+            return [self._whole]
+        cuts = [list(self._cut(_ACROSS * share)) for share in _NARROWER]
+        return [cut for cut in cuts if len(cut) == len(cuts[0])][-1]
+
+    @cached_property
+    def _whole(self) -> Piece:
+        """All columns but those in which all rows are alike."""
+        return Piece(self, [k for k in range(len(self.headings)) if k not in self.alike])
 
     def _naming(self, shown: Sequence[int]) -> int:
         """How many of the first columns it takes to tell all rows apart, if a few are enough."""
@@ -219,13 +218,14 @@ class Rows:
                 return count
         return _NAMING
 
-    def _cut(self, naming: list[int], columns: list[int], *, across: bool) -> Iterator[Piece]:
-        """Tables with as many of the columns as fit on a page, upright or across."""
-        piece = Piece(self, list(naming))
-        for column in columns:
+    def _cut(self, line: float) -> Iterator[Piece]:
+        """Tables with as many of the columns as fit into a line of so many points."""
+        columns = self._whole.columns
+        naming = columns[: self._naming(columns)]
+        piece = Piece(self, naming)
+        for column in columns[len(naming) :]:
             wider = Piece(self, [*piece.columns, column])
-            full = sum(wider.needed) > _ROOM if across else len(wider.columns) > _WIDE
-            if full and len(piece.columns) > len(naming):
+            if not wider.fits(line) and len(piece.columns) > len(naming):
                 yield piece
                 wider = Piece(self, [*naming, column])
             piece = wider
@@ -240,8 +240,7 @@ class Rows:
         """Whether it is printed on a page across; a browser prints all columns in one table."""
         if not paper or not self.is_wide:
             return self.is_wide
-        plain = [k for k, (how, _) in enumerate(self.headings) if not how.detail]
-        return not self.is_list and len({*plain} - {*self.alike}) > _WIDE
+        return not self.is_list and not self._whole.fits(_UPRIGHT)
 
 
 @dataclass(frozen=True)
@@ -274,7 +273,12 @@ class Piece:
     @property
     def font_size(self) -> float:
         """Size of the print of a wide table in points: as large as its texts allow."""
-        return min(_ACROSS / (_LETTER * sum(self.needed)), _LARGEST)
+        line = _ACROSS if self.of.is_across(paper=True) else _UPRIGHT
+        return min(line / (_LETTER * sum(self.needed)), _LARGEST)
+
+    def fits(self, line: float) -> bool:
+        """Whether its texts can be read beside each other in a line of so many points."""
+        return _LETTER * _SMALLEST * sum(self.needed) <= line
 
     @cached_property
     def needed(self) -> list[int]:

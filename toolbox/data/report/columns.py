@@ -40,7 +40,6 @@ class Column:
     digits : after the decimal point; by the size of the numbers unless given
     factor : that makes numbers in this unit of those in the table
     meaning : what files say of a column whose heading says too little, or that has none
-    detail : whether a wide table does without it on paper
     names : what is shown in place of words that files hold
     never_zero : whether it is more than nothing however small, as an uncertainty is
 
@@ -59,7 +58,6 @@ class Column:
     digits: int | None = None
     factor: float = 1.0
     meaning: str = ""
-    detail: bool = False
     names: Mapping[str, str] = field(default_factory=dict)
     never_zero: bool = False
 
@@ -86,8 +84,8 @@ class Column:
 COMMON: Mapping[str, Column] = {
     **{name: Column(name, "", 2) for name in ("x", "y", "z")},
     **{name: Column(name.capitalize(), "", 2) for name in ("easting", "northing", "elevation")},
-    "latitude": Column("Latitude", "°", 6, detail=True),
-    "longitude": Column("Longitude", "°", 6, detail=True),
+    "latitude": Column("Latitude", "°", 6),
+    "longitude": Column("Longitude", "°", 6),
     "id": Column("Number"),
     "span_id": Column("Span"),
     "wire_id": Column("Wire"),

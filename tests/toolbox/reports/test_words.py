@@ -166,6 +166,12 @@ def test_values_have_digits_that_tell_something(value: float, unit: str, text: s
     assert words.value_text(value, unit) == text
 
 
+def test_whole_numbers_of_which_one_is_missing_stay_whole() -> None:
+    """Numbers of planes were 1.000 beside an opening that has none."""
+    table = Table.from_rows([{"plane": 1, "size": 2.5}, {"plane": None, "size": None}])
+    assert Rows(table).cells == [["1", "2.500"], ["", ""]]
+
+
 def test_limits_of_a_column_are_shown_like_it() -> None:
     """Shares in percent stood in reports without a unit, and beside others that had one."""
     names = ["f1", "f1_low", "f1_block_high", "overlap_%", "own_low"]

@@ -134,7 +134,13 @@ def _by_name(name: str) -> Column:
 
 
 def _digits(values: pd.Series[Any], factor: float) -> int:
-    """So many that the largest number has four digits that tell something."""
+    """So many that the largest number has four digits that tell something; none of whole numbers.
+
+    Whole numbers are floats where one is missing.
+    """
+    known = values.dropna()
+    if len(known) < len(values) and (known % 1 == 0).all():
+        return 0
     sizes = np.abs(values.to_numpy(float)) * factor
     largest = float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
     if largest == 0 or largest >= _WHOLE:

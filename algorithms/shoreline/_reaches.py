@@ -17,11 +17,13 @@ from algorithms.shoreline._bodies import (
     SPARSE,
     Body,
     CellGrid,
+    around,
     core_of,
     fit,
     smoothed,
     window,
 )
+from algorithms.shoreline._level import BLOCKS, FEW
 
 Floats = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
@@ -61,6 +63,34 @@ def reaches(cells: CellGrid, body: Body, least: int, most: float) -> list[Body]:
     if sum(len(piece) for piece in pieces) < COMPACT * len(core):
         return [body]
     return [_reach(cells, body, part) for part in _nearest(cells, body.cells, pieces)]
+
+
+def along_banks(cells: CellGrid, some: Ints) -> Floats:
+    """How high the surface of a long water may be at its cells, by its banks.
+
+    Its banks are cut along it into pieces with equally many cells. The lowest of a piece is at the
+    water, or above it at walls, at cliffs and below crowns. But water does not rise on its way: it
+    is nowhere above the lowest of the banks upstream.
+
+    Returns
+    -------
+    array of shape (n,)
+        Heights that are counted from `cells.base`; NaN if there are too few banks.
+    """
+    cols, low = cells.lattice.cols, cells.low.ravel()
+    banks = np.union1d(some, around(cells.lattice, some, 1))
+    banks = banks[np.isfinite(low[banks])]
+    if len(banks) < BLOCKS:
+        return np.full(len(some), np.nan)
+    spots, beside = (np.column_stack([c // cols, c % cols]).astype(float) for c in (some, banks))
+    axis = np.linalg.eigh(np.cov(spots.T))[1][:, 1]
+    along = beside @ axis
+    pieces = np.array_split(np.argsort(along, kind="stable"), BLOCKS)
+    lows = np.array([np.quantile(low[banks[piece]], FEW) for piece in pieces])
+    downwards = 1 if lows[: BLOCKS // 2].min() >= lows[BLOCKS // 2 :].min() else -1
+    surface = np.minimum.accumulate(lows[::downwards])[::downwards]
+    ends = [along[piece[-1]] for piece in pieces[:-1]]
+    return np.asarray(surface[np.searchsorted(ends, spots @ axis)])
 
 
 def _stands_above(cells: CellGrid, upper: Ints, lower: Ints) -> bool:

@@ -45,7 +45,7 @@ from algorithms.shoreline._level import (
     level_of,
     two_levels_fit,
 )
-from algorithms.shoreline._reaches import reaches
+from algorithms.shoreline._reaches import along_banks, reaches
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.declare import Position
@@ -65,6 +65,7 @@ SURROUNDED = 0.5  # share of the rim of a water without a shore that has points
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
 LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
+OFF = 90  # per cent of a long water that lie as its banks do
 STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
 
 Floats = NDArray[np.float64]
@@ -436,9 +437,7 @@ def _sampled(cells: CellGrid, body: Body) -> Ints:
 def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float) -> Water:
     """A body with its level, or with the plane of a river."""
     lattice, metre = cells.lattice, cells.metre
-    xs, ys = lattice.centres()
-    r, c = body.cells // lattice.cols, body.cells % lattice.cols
-    centre = np.array([xs[c].mean(), ys[r].mean()])
+    centre = _centres(cells, body.cells).mean(axis=0)
     flat = xyz.copy()
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
     core = open_water(cells, body)
@@ -495,9 +494,15 @@ def place_of(cells: CellGrid, water: Water) -> tuple[float, float]:
 
 
 def _centre(cells: CellGrid, some: Ints) -> tuple[float, float]:
+    middle = len(some) // 2
+    ((x, y),) = _centres(cells, some[middle : middle + 1])
+    return float(x), float(y)
+
+
+def _centres(cells: CellGrid, some: Ints) -> Floats:
+    """Positions of cells, shape (n, 2)."""
     xs, ys = cells.lattice.centres()
-    middle = some[len(some) // 2]
-    return float(xs[middle % cells.lattice.cols]), float(ys[middle // cells.lattice.cols])
+    return np.column_stack([xs[some % cells.lattice.cols], ys[some // cells.lattice.cols]])
 
 
 def name_of(cells: CellGrid, water: Water) -> str:
@@ -588,6 +593,14 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 rise / metre,
             )
+        if off := _off_banks(cells, one):
+            log.warning(
+                "points: nothing came back from the %s, and the banks along a tenth of it or more "
+                "tell levels that are %.2f m off the one it was given: pools above rapids or "
+                "weirs, or walls, cliffs or crowns along a part of it. Its interval holds both",
+                name_of(cells, one),
+                off / metre,
+            )
         if _islands_hide(cells, one.body):
             log.warning(
                 "points: the %s has waves of %.2f m and is not much darker than its shore: islands "
@@ -603,12 +616,14 @@ def in_unit(cells: CellGrid, height: float, digits: int = 3) -> str:
 
 
 def with_hidden_shore(cells: CellGrid, water: Water) -> Water:
-    """A lake with a larger error of its level if neither it nor most of its shore was seen.
+    """A water without returns with a larger error of its level if its shore does not tell that.
 
-    The lowest beside it may be a crown or the edge of a gap; how far below that the water is nobody
-    knows. The height of half of its rim is taken as the half width of the interval.
+    The lowest beside a lake may be a crown or the edge of a gap; how far below that the water is
+    nobody knows. The height of half of its rim is taken as the half width of the interval. Where
+    the banks of a river tell other levels than that which was found, it is that far.
     """
-    error = math.hypot(water.level.error, _hidden(cells, water) / NINETY_FIVE)
+    unsure = max(_hidden(cells, water), _off_banks(cells, water))
+    error = math.hypot(water.level.error, unsure / NINETY_FIVE)
     return replace(water, level=replace(water.level, error=error))
 
 
@@ -625,6 +640,16 @@ def _rise(cells: CellGrid, water: Water) -> float:
     if water.fall or not len(heights):
         return 0.0
     return float(np.median(heights)) + cells.base - water.level.height
+
+
+def _off_banks(cells: CellGrid, water: Water) -> float:
+    """How far a tenth of a long water without returns is off its banks, if that is much; else 0."""
+    some = water.body.cells
+    if water.level.basis != "shore" or not is_long(cells, some):
+        return 0.0
+    laid = water.level.at(_centres(cells, some)) - cells.base
+    off = float(np.percentile(abs(along_banks(cells, some) - laid), OFF))
+    return off if off > FALL * cells.metre else 0.0
 
 
 def strip_levels(level: Level) -> str:

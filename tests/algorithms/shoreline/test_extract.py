@@ -24,6 +24,7 @@ from algorithms.shoreline._dikes import _crest
 from algorithms.shoreline._kernels import TAKEN, spread
 from algorithms.shoreline._level import Level, _parts
 from algorithms.shoreline._outline import detail_of
+from algorithms.shoreline._reaches import along_banks
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline.extract import ShorelineExtract
 from toolbox.data import PointCloud, Survey
@@ -760,3 +761,37 @@ def test_ponds_far_from_one_another_have_no_step(caplog: Any) -> None:
     with caplog.at_level(logging.WARNING, "toolbox"):
         extract(made.points, bodies="all")
     assert "at different levels and meet" not in caplog.text
+
+
+@pytest.mark.parametrize(("seed", "told"), [(42, True), (45, False)])
+def test_a_river_without_returns_is_as_unsure_as_its_banks_say(
+    seed: int, told: bool, caplog: Any
+) -> None:
+    """Pools of seed 42 were laid at the lowest, 0.5 m too low with an interval of 0.14 m."""
+    kind = "rapids" if told else "river"
+    made = waters.survey(kind, seed, returned=0.0, density=4.0)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        water = only(extract(made.points, bodies="all", sloped=True))
+    highest = made.waters[0].level
+    laid = shapely.get_coordinates(water.geometry, include_z=True)[:, 2].mean()
+    if told:
+        assert highest - laid > 0.3
+        assert water.level_interval == pytest.approx(highest - laid, abs=0.05)
+    assert ("the banks along a tenth of it or more tell levels" in caplog.text) is told
+
+
+def test_water_is_nowhere_above_the_banks_upstream_of_it() -> None:
+    """A pool at 11 m, whose eastern end is below cliffs of 5 m, and one at 10 m."""
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 200, (2, 40_000)) * [[1], [0.15]]
+    pool = np.where(x < 100, 11.0, 10.0)
+    cliff = np.where((x > 60) & (x < 110), 5.0, 0.0)
+    bank = abs(y - 15) > 5
+    xyz = np.column_stack([x, y, pool + cliff])[bank]
+    cells = grid(Returns.of(PointCloud(xyz, {}, crs=CRS(32635), name="banks"), None, None))
+    xs, ys = cells.lattice.centres()
+    rows, cols = np.nonzero((abs(ys - 15) < 5)[:, None] & np.ones(len(xs), bool))
+    heights = along_banks(cells, rows * cells.lattice.cols + cols) + cells.base
+    assert heights[xs[cols] < 50] == pytest.approx(11.0)
+    assert heights[(xs[cols] > 75) & (xs[cols] < 98)] == pytest.approx(11.0)  # not the cliff
+    assert heights[xs[cols] > 113] == pytest.approx(10.0)

@@ -127,6 +127,12 @@ def settings_named(names: Mapping[str, str]) -> Iterator[None]:
     Parameters
     ----------
     names : inputs of the model by the setting of the step that each is handed on to
+
+    Examples
+    --------
+    >>> with settings_named({"cell": "size"}):
+    ...     setting_name("cell")
+    'size'
     """
     outer = _NAMES.get()
     own = names if outer is None else {n: outer[m] for n, m in names.items() if m in outer}

@@ -30,6 +30,7 @@ from algorithms.classify import _buildings_kernels as kernels
 from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
+from algorithms.classify._crowns import crowns
 from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import FOOT, LET_THROUGH, solid
 from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
@@ -97,8 +98,9 @@ class ClassifyBuildings:
     Without returns planarity alone decides, and twice as much is asked for.
 
     What is as narrow and low as vehicles and stands free is a bus, a tram, a lorry or a container.
-    What has ground in between hides none, and is no roof. What meets ground at roof level at two
-    ends is a bridge. All these are left out.
+    What has ground in between hides none, and is no roof; nor is what is steep, with a third of its
+    points on no plane, as crowns of conifers. What meets ground at roof level at two ends is a
+    bridge. All these are left out.
 
     Outlines are `squared`: straight walls, at right angles where they nearly are; or `alpha`, as
     the points have it. Both lie where edges of roofs are on average when points lie inside. Maps
@@ -298,7 +300,14 @@ class ClassifyBuildings:
         open_below = ground_seen(shapes, features) > SEEN
         if open_below.any():
             log.info("%d regions have ground in between: no roofs", np.count_nonzero(open_below))
-        return shapes[~open_below]
+        shapes = shapes[~open_below]
+        trees = crowns(shapes, features, planes)
+        if trees.any():
+            log.info(
+                "%d regions are steep and torn, as crowns of conifers: no roofs",
+                np.count_nonzero(trees),
+            )
+        return shapes[~trees]
 
     def _rows(
         self,

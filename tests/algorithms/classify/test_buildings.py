@@ -105,6 +105,50 @@ def test_a_house_at_the_edge_of_the_data_is_cut() -> None:
     assert said[0].startswith("Buildings that the edge of the data cuts: 1 of 1;")
 
 
+def conifers(density: float = 5.0, seed: int = 0) -> PointCloud:
+    """A stand of 80 x 80 m: crowns are cones of 65 to 83 degrees, into which pulses go."""
+    rng = np.random.default_rng(seed)
+    n = int(density * 6400)
+    xy, trunks = rng.uniform(0, 80, (n, 2)), rng.uniform(0, 80, (90, 2))
+    high, wide = rng.uniform(12, 22, 90), rng.uniform(2.5, 4, 90)
+    away = np.hypot(*(xy[:, None] - trunks).transpose(2, 0, 1))
+    z = np.max(high * (1 - away / wide), axis=1)
+    crown = z > 1
+    z = np.where(crown, z - rng.exponential(0.6, n), 0) + rng.normal(0, 0.02, n)
+    attributes = {
+        "classification": np.where(crown, 1, 2).astype(np.uint8),
+        "return_number": np.ones(n, np.uint8),
+        "number_of_returns": np.where(crown & (rng.random(n) < 0.3), 2, 1).astype(np.uint8),
+    }
+    xyz = np.column_stack([xy[:, 0] + 500_000, xy[:, 1] + 4_600_000, z + 100])
+    return PointCloud(xyz, attributes, crs=UTM, name="conifers.laz")
+
+
+def test_crowns_of_conifers_are_no_roofs(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    assert len(ClassifyBuildings(points=conifers()).run().outlines) == 0
+    assert "as crowns of conifers" in caplog.text
+
+
+def test_a_steep_roof_is_no_crown() -> None:
+    """Of 60 degrees, with planes that hold nearly all of its points."""
+    assert len(roofed(village(), lambda x, y, luck: 103 + 1.73 * (4 - y)).outlines) == 1
+
+
+def test_a_flat_roof_with_a_garden_is_no_crown() -> None:
+    out = roofed(village(16), lambda x, y, luck: 106 + 3 * luck * ((x < 4) & (y < 2.5)))
+    assert len(out.outlines) == 1
+    assert out.outlines.frame["confidence"][0] < 2 / 3
+
+
+def roofed(cloud: PointCloud, height: Callable[..., Floats]) -> ClassifyBuildings.Outputs:
+    """Buildings of a village whose house has heights by the place from its middle, and luck."""
+    x, y = abs((cloud.xyz - (500_015, 4_600_012, 0))[:, :2].T)
+    z = height(x, y, np.random.default_rng(0).uniform(0, 1, len(x)))
+    z = np.where((x < 6) & (y < 4), z, cloud.xyz[:, 2])
+    return ClassifyBuildings(points=cloud.with_xyz(np.column_stack([cloud.xyz[:, :2], z]))).run()
+
+
 def test_the_smallest_building_decides_about_the_shed() -> None:
     points = village()
     with_shed = ClassifyBuildings(points=points, smallest=5.0, outline="alpha").run()

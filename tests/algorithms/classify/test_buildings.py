@@ -16,6 +16,7 @@ from shapely import MultiPoint
 from shapely.affinity import rotate
 
 from algorithms.classify._bridges import between_ends
+from algorithms.classify._crowns import crowns
 from algorithms.classify._evidence import PointFeatures, once_each
 from algorithms.classify._outlines import margin
 from algorithms.classify._squared import main_direction, squared
@@ -135,10 +136,21 @@ def test_a_steep_roof_is_no_crown() -> None:
     assert len(roofed(village(), lambda x, y, luck: 103 + 1.73 * (4 - y)).outlines) == 1
 
 
-def test_a_flat_roof_with_a_garden_is_no_crown() -> None:
-    out = roofed(village(16), lambda x, y, luck: 106 + 3 * luck * ((x < 4) & (y < 2.5)))
-    assert len(out.outlines) == 1
-    assert out.outlines.frame["confidence"][0] < 2 / 3
+@pytest.mark.parametrize(
+    ("sides", "degrees", "torn", "crown"),
+    [(0.3, 55, 0.4, True), (0.2, 55, 0.4, False), (1, 45, 0.4, False), (1, 55, 0.3, False)],
+)
+def test_a_crown_is_steep_and_torn(sides: float, degrees: float, torn: float, crown: bool) -> None:
+    cloud = village().select(np.arange(1000))
+    features = PointFeatures(cloud, 1.5, 4.0, ground_classes=(2,))
+    planes = np.arange(1000) < 1000 * (1 - torn)
+    upright = np.where(np.arange(1000) < sides * planes.sum(), np.cos(np.radians(degrees)), 1)
+    normals = np.column_stack([np.zeros((1000, 2)), upright])
+    vars(features).update(
+        planes=(np.zeros(1000), normals), terrain=(np.zeros(1000, bool), np.full(1000, 9.0))
+    )
+    whole = np.array([shapely.box(499_000, 4_599_000, 501_000, 4_601_000)])
+    assert crowns(whole, features, planes).tolist() == [crown]
 
 
 def roofed(cloud: PointCloud, height: Callable[..., Floats]) -> ClassifyBuildings.Outputs:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
+from scipy.spatial import cKDTree
 
 from algorithms.shared.kernels.sorting import grouped
 from algorithms.shared.kernels.squares import (
@@ -14,7 +15,6 @@ from algorithms.shared.kernels.squares import (
     layers_above,
     near_bottom,
     numbered,
-    rises,
     tops,
 )
 from toolbox.context import log
@@ -232,11 +232,10 @@ def _rises(points: Floats, ground: Mask, square: Ints) -> tuple[Ints, Floats]:
 
     Points are in metres, shape (n, 3).
     """
-    order = np.lexsort((points[:, 0], square))
-    points, ground, square = points.take(order, axis=0), ground[order], square[order]
-    above = np.empty(len(points))
-    rises(points, ground, square, above)
-    return square[~ground], above[~ground]
+    # Squares are put far from each other, so that the next point is of the same one.
+    places = np.column_stack([points[:, :2], square * 1e3])
+    _, next_ground = cKDTree(places[ground]).query(places[~ground])
+    return square[~ground], points[~ground, 2] - points[ground, 2][next_ground]
 
 
 def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:

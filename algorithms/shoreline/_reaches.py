@@ -15,6 +15,7 @@ from algorithms.shoreline._bodies import (
     COMPACT,
     LEVEL,
     SPARSE,
+    WEIR,
     Body,
     CellGrid,
     around,
@@ -57,7 +58,8 @@ def reaches(cells: CellGrid, body: Body, least: int, most: float) -> list[Body]:
     if _from_plane(cells, core, heights) <= most:
         return [body]
     upper = heights >= otsu_threshold(heights)
-    if _stands_above(cells, core[upper], core[~upper]):
+    rise = np.median(heights[upper]) - np.median(heights[~upper])
+    if rise > WEIR * cells.metre and _stands_above(cells, core[upper], core[~upper]):
         return [body]
     pieces = [piece for part in (upper, ~upper) for piece in _pieces(cells, core[part], least)]
     if sum(len(piece) for piece in pieces) < COMPACT * len(core):
@@ -69,8 +71,8 @@ def along_banks(cells: CellGrid, some: Ints) -> Floats:
     """How high the surface of a long water may be at its cells, by its banks.
 
     Its banks are cut along it into pieces with equally many cells. The lowest of a piece is at the
-    water, or above it at walls, at cliffs and below crowns. But water does not rise on its way: it
-    is nowhere above the lowest of the banks upstream.
+    water at the lower end of the piece, or above it at walls, at cliffs and below crowns. But water
+    does not rise on its way: it is nowhere above the lowest of the banks upstream.
 
     Returns
     -------
@@ -89,14 +91,15 @@ def along_banks(cells: CellGrid, some: Ints) -> Floats:
     lows = np.array([np.quantile(low[banks[piece]], FEW) for piece in pieces])
     downwards = 1 if lows[: BLOCKS // 2].min() >= lows[BLOCKS // 2 :].min() else -1
     surface = np.minimum.accumulate(lows[::downwards])[::downwards]
-    ends = [along[piece[-1]] for piece in pieces[:-1]]
-    return np.asarray(surface[np.searchsorted(ends, spots @ axis)])
+    lower_ends = [along[piece[-1 if downwards > 0 else 0]] for piece in pieces]
+    return np.interp(spots @ axis, lower_ends, surface)
 
 
 def _stands_above(cells: CellGrid, upper: Ints, lower: Ints) -> bool:
-    """Whether what is higher is no water but a pier or boats: few of its cells have points.
+    """Whether what is much higher is no water but a pier or boats: few of its cells have points.
 
-    The others are amid a hole, and only near such points. Pools of one river return alike.
+    The others are amid a hole, and only near such points. Still pools above rapids return few, too,
+    but are not so high.
     """
     filled = cells.count.ravel() > 0
     return bool(filled[upper].mean() < SPARSE * filled[lower].mean())

@@ -61,7 +61,7 @@ OVERLAP = 0.2  # share of a level place that is water found: its rest is not tol
 BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
 ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
 STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
-SURROUNDED = 0.5  # share of the rim of a water without a shore that has points
+SURROUNDED = 0.25  # share of the rim of a water without a shore that has points
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
 LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
@@ -158,9 +158,9 @@ def _without_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
     """Waters but for gaps of the data on land, which are told of."""
     kept = [water for water in found if not _is_gap(cells, water)]
     if len(kept) < len(found):
-        log.info(
-            "%d places are no water but gaps of the data, which fall by more than %.0f %%, as "
-            "hillsides do, or lie between its pieces and have no shore at one level",
+        log.warning(
+            "points: %d places are left out as gaps of the data: they fall by more than %.0f %%, "
+            "as hillsides do, or lie between its pieces and have no shore at one level",
             len(found) - len(kept),
             100 * STEEPEST,
         )
@@ -173,6 +173,8 @@ def _is_gap(cells: CellGrid, water: Water) -> bool:
     Steeper streams fall in steps and cascades (Montgomery and Buffington, 1997, Channel-reach
     morphology in mountain drainage basins).
     """
+    if "class" in water.body.evidence:
+        return False
     tilt = _tilt(cells, water)
     if math.hypot(tilt.south, tilt.east) > STEEPEST * cells.lattice.cell:
         return True

@@ -136,25 +136,3 @@ def add_slices(squares, xyz, thick, lowest, highest, span):
     for i in range(len(xyz)):
         level = min(max(np.floor(xyz[i, 2] / thick), lowest), highest)
         squares[i] = squares[i] * span + int(level - lowest) + 1
-
-
-@kernel
-def rises(points, ground, squares, out):
-    """How far each point that is no ground is above the next ground of its square, seen from above.
-
-    Points are sorted by square, and in a square by x, so that those far off need no look. Infinite
-    for ground, and in squares without any.
-    """
-    for i in range(len(points)):
-        nearest, out[i] = np.inf, np.inf
-        if ground[i]:
-            continue
-        for way in (-1, 1):
-            j = i + way
-            while 0 <= j < len(points) and squares[j] == squares[i]:
-                east, north = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-                if east * east > nearest:
-                    break
-                if ground[j] and east * east + north * north < nearest:
-                    nearest, out[i] = east * east + north * north, points[i, 2] - points[j, 2]
-                j += way

@@ -10,7 +10,6 @@ from algorithms.shared.kernels.squares import (
     held,
     near_bottom,
     numbered,
-    rises,
     shared_by_two,
     slice_ends,
 )
@@ -57,18 +56,3 @@ def test_slices_of_a_square_begin_with_an_empty_one() -> None:
     squares = np.array([0, 0, 1, 1, 2])
     add_slices(squares, xyz, 0.5, 0.0, 2.0, 5)
     assert squares.tolist() == [1, 1, 7, 8, 13]
-
-
-def test_points_rise_above_the_next_ground_of_their_own_square() -> None:
-    """Compared with a search among all ground of the square; one square has none."""
-    rng = np.random.default_rng(7)
-    squares = np.sort(rng.integers(0, 9, 400))
-    points = rng.uniform(0, 4, (400, 3))
-    points = points[np.lexsort((points[:, 0], squares))]
-    ground = (rng.random(400) < 0.4) & (squares != 3)
-    found = np.empty(400)
-    rises(points, ground, squares, found)
-    for i in np.flatnonzero(~ground):
-        own = points[ground & (squares == squares[i])]
-        away = np.hypot(*(own[:, :2] - points[i, :2]).T)
-        assert found[i] == (points[i, 2] - own[away.argmin(), 2] if len(own) else np.inf)

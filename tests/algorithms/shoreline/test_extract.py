@@ -175,14 +175,47 @@ def test_a_pier_is_no_reach_of_a_river() -> None:
 
 @pytest.mark.parametrize(("rise", "count"), [(0.3, 1), (1.0, 0)])
 def test_between_two_pieces_of_data_water_must_have_a_shore(rise: float, count: int) -> None:
-    """Two banks 200 m apart, and nothing north and south of them; the steep one hides its shore."""
+    """Two banks 600 m apart, and nothing north and south of them; the steep one hides its shore."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform(0, 200, 40_000), rng.uniform(0, 100, 40_000)
     z = rise * abs(x - 100) + rng.normal(0, 0.02, len(x))
-    xyz = np.column_stack([x + 200 * (x > 100), y, z]) + ORIGIN
+    xyz = np.column_stack([x + 600 * (x > 100), y, z]) + ORIGIN
     intensity, single = np.full(len(x), 1000, np.uint16), np.zeros(len(x), bool)
     cloud = PointCloud(np.round(xyz, 3), columns(intensity, single), crs=UTM, name="banks.laz")
     assert extract(cloud, bodies="all").count == count
+
+
+def pools(length: float, above: Callable[[Any], Any], returned: Callable[[Any], Any]) -> PointCloud:
+    """A river of 30 m between banks, with heights and shares of returns by the way along it."""
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(0, 1, (2, int(400 * length))) * [[length], [100]]
+    bank = abs(y - 50) - 15
+    z = 100 + above(x) + np.clip(0.5 * bank, 0, 4) + rng.normal(0, 0.03, len(x))
+    kept = rng.random(len(x)) < np.where(bank > 0, 1, returned(x))
+    xyz = np.round(np.column_stack([x, y, z])[kept], 3) + ORIGIN
+    wet = (bank < 0)[kept]
+    return PointCloud(xyz, columns(np.full(len(xyz), 900, np.uint16), wet), crs=UTM, name="pools")
+
+
+def test_a_still_pool_above_a_rough_one_is_a_reach_of_its_own() -> None:
+    cloud = pools(600, lambda x: 0.8 * (x > 300), lambda x: np.where(x > 300, 0.05, 0.3))
+    levels = extract(cloud, bodies="all", sloped=True).water.frame["level"]
+    assert sorted(levels) == pytest.approx([100.0, 100.8], abs=0.02)
+
+
+def test_a_torrent_of_a_class_of_water_is_water() -> None:
+    cloud = pools(200, lambda x: 0.05 * x, lambda x: 0.25 + 0 * x)
+    assert extract(cloud, sloped=True).count == 0
+    row = only(extract(cloud, sloped=True, water_classes=ClassList((9,))))
+    assert row.slope == pytest.approx(0.05, rel=0.02)
+
+
+def test_a_river_that_returns_nothing_and_falls_evenly_is_not_off_its_banks(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    row = only(extract(pools(1000, lambda x: 0.006 * x, lambda x: 0 * x), sloped=True))
+    assert row.slope == pytest.approx(0.006, rel=0.02)
+    assert "the banks along a tenth" not in caplog.text
 
 
 def test_a_steep_river_is_one() -> None:

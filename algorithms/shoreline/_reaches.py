@@ -92,7 +92,7 @@ def along_banks(cells: CellGrid, some: Ints) -> Floats:
     downwards = 1 if lows[: BLOCKS // 2].min() >= lows[BLOCKS // 2 :].min() else -1
     surface = np.minimum.accumulate(lows[::downwards])[::downwards]
     lower_ends = [along[piece[-1 if downwards > 0 else 0]] for piece in pieces]
-    return np.interp(spots @ axis, lower_ends, surface)
+    return np.asarray(np.interp(spots @ axis, lower_ends, surface))
 
 
 def _stands_above(cells: CellGrid, upper: Ints, lower: Ints) -> bool:

@@ -227,6 +227,10 @@ class ShorelineExtract:
         chosen = every if self.bodies == "all" else every[:1]
         if self.seed_point:
             chosen = [at_place(cells, water, self.seed_point)]
+        if others := len(water) - len(chosen):
+            setting = setting_name("bodies")
+            how = f"; {setting} all gives them" if setting else ""
+            log.warning("points: %d other water bodies were found and are not given%s", others, how)
         rivers = [k for k in chosen if water[k].fall and not self.sloped]
         for k in rivers:
             setting = setting_name("sloped")

@@ -105,10 +105,13 @@ def test_islands_stay_and_small_ones_are_a_choice() -> None:
     assert not only(extract(cloud, min_island=100.0)).geometry.interiors
 
 
-def test_a_pond_at_the_same_level_is_another_body() -> None:
+def test_a_pond_at_the_same_level_is_another_body(caplog: pytest.LogCaptureFixture) -> None:
     cloud = lake(pond=7.0)
     assert iou(only(extract(cloud)).geometry, CIRCLE) > 0.98
+    assert "1 other water bodies were found and are not given; bodies all gives" in caplog.text
+    caplog.clear()
     both = extract(cloud, bodies="all").water.frame
+    assert "not given" not in caplog.text
     assert list(both["body"]) == [1, 2]
     assert both.geometry[1].area == pytest.approx(math.pi * 49, rel=0.1)
     at = Position(ORIGIN[0] + 10, ORIGIN[1] + 10)

@@ -35,7 +35,7 @@ from algorithms.classify._learning.training import (
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import Clumping, blocks
 from algorithms.shared.accuracy.certainty import warn_blocks, warn_clumps
-from algorithms.shared.accuracy.columns import MEASURES
+from algorithms.shared.accuracy.columns import OF_CLASSES, shown
 from algorithms.shared.chance import random_keys
 from algorithms.shared.ground import taking_part
 from algorithms.shared.polygons import Polygons, polygons
@@ -124,7 +124,9 @@ class ClassifyTrain:
         model: Table = sink("The trained model, for classify.apply")
         report: Table = sink("Whether the labels suffice: one row for each thing looked at")
         accuracy: Table = sink("One row per measure of all classes, at blocks kept back")
-        by_class: Table = sink("One row per class: its accuracies with intervals", columns=MEASURES)
+        by_class: Table = sink(
+            "One row per class: its accuracies with intervals", columns=OF_CLASSES
+        )
         confusion: Table = sink(
             "Full confusion matrix: a row per reference class",
             show=show.Matrix("reference", ("total",)),
@@ -137,7 +139,7 @@ class ClassifyTrain:
                 (show.Axis("overall_accuracy", "overall accuracy", "%", from_zero=False),),
                 dots=True,
             ),
-            columns=MEASURES,
+            columns=shown("overall_accuracy", "mean_f1"),
         )
         overall_accuracy: float = sink("Points of the right class, at blocks kept back", unit="%")
         mean_f1: float = sink("Mean F1 of the classes, at blocks kept back", unit="%")

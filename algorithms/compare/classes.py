@@ -41,7 +41,7 @@ from algorithms.compare._unseen import (
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import Blocks, Clumping, Tallies, blocks
 from algorithms.shared.accuracy.certainty import warn_blocks, warn_clumps
-from algorithms.shared.accuracy.columns import MEASURES
+from algorithms.shared.accuracy.columns import COUNTS, OF_CLASSES, shown
 from algorithms.shared.ground import without_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
@@ -70,6 +70,10 @@ MEANING = "0 1 right 2 3 Type I II 5 other"  # no more than 32 characters fit in
 SIXTEEN_BIT = 257  # from 0..255 to 0..65535
 MOST_STRATA = 256
 UNCLASSIFIED = 1
+STRATA = shown(
+    *("type_1", "type_2", "total_error", "correctness", "completeness", "quality", "kappa"),
+    *("overall_accuracy", "mean_f1", "mean_iou", "kappa_of_classes"),
+)
 OF_INTEREST, OTHERS = "of interest", "all others"  # names of the only two classes
 
 Mask = NDArray[np.bool_]
@@ -192,17 +196,18 @@ class CompareClasses:
         classes: Table = sink(
             "One row per class: its accuracies with intervals",
             label="Accuracy of each class",
-            columns=MEASURES,
+            columns=COUNTS | OF_CLASSES,
         )
         confusion: Table = sink(
             "Full confusion matrix: a row per reference class",
             show=show.Matrix("reference", ("total",)),
             label="Confusion matrix",
         )
-        strata: Table = sink("One row per value of the stratum, or one for all", columns=MEASURES)
+        strata: Table = sink("One row per value of the stratum, or one for all", columns=STRATA)
         difference: Table | None = sink("One row per measure of two classifications")
         areas: Table | None = sink(
-            "Accuracy and area of each class, from a sample drawn by class", columns=MEASURES
+            "Accuracy and area of each class, from a sample drawn by class",
+            columns=shown("users_accuracy", "producers_accuracy", "overall_accuracy"),
         )
         errors: PointCloud = sink(
             "The points with the attribute `error`, whose values the help explains",

@@ -29,7 +29,7 @@ from algorithms.compare._outcomes import (
     NO_REFERENCE,
     REFERENCE_ALONE,
 )
-from algorithms.shared.accuracy.columns import MEASURES
+from algorithms.shared.accuracy.columns import shown
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.plane_numbers import number_of_none, plane_numbers
 from toolbox.context import QUIET, Context, log
@@ -50,7 +50,7 @@ COLUMNS = {
     "intersection": Column("Points of both"),
     "o_without_e": Column("Points found alone"),
     "e_without_o": Column("Points of the reference alone"),
-    **{name: MEASURES[name] for name in ("correctness", "completeness", "iou")},
+    **shown("correctness", "completeness", "iou"),
     "pieces": Column("Pieces"),
     "angle": Column("Angle between both", "°", 2),
     "offset": Column("Distance of both", "unit", 3),

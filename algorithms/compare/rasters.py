@@ -33,7 +33,7 @@ from algorithms.compare._unseen import (
 from algorithms.shared import parameters
 from algorithms.shared.accuracy.blocks import Blocks, Clumping, blocks
 from algorithms.shared.accuracy.certainty import warn_blocks, warn_clumps
-from algorithms.shared.accuracy.columns import MEASURES
+from algorithms.shared.accuracy.columns import COUNTS, OF_CLASSES
 from algorithms.shared.accuracy.confusion import Confusion
 from algorithms.shared.alignment import misfit, offset
 from toolbox.context import QUIET, Context, log
@@ -114,7 +114,9 @@ class CompareRasters:
     @outputs
     class Outputs:
         accuracy: Table = sink("One row per measure of all classes, with intervals")
-        by_class: Table = sink("One row per class: its accuracies with intervals", columns=MEASURES)
+        by_class: Table = sink(
+            "One row per class: its accuracies with intervals", columns=COUNTS | OF_CLASSES
+        )
         confusion: Table = sink(
             "Full confusion matrix: a row per reference class",
             show=show.Matrix("reference", ("total",)),

@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
-import scipy
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import CellGrid, window
@@ -209,7 +209,7 @@ def _apart(found: Sequence[Outline], least_area: float) -> list[Outline]:
 
 def _redrawn(outline: Outline, shapes: Sequence[shapely.Polygon]) -> Outline:
     """An outline with other polygons, whose corners are as sure as the nearest ones were."""
-    old = scipy.spatial.cKDTree(np.concatenate(outline.shore.rings))
+    old = cKDTree(np.concatenate(outline.shore.rings))
     sigma, is_open = (np.concatenate(getattr(outline.shore, name)) for name in ("sigma", "open"))
     rings: list[Floats] = []
     parts: list[list[int]] = []

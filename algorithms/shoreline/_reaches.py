@@ -58,8 +58,7 @@ def reaches(cells: CellGrid, body: Body, least: int, most: float) -> list[Body]:
     if _from_plane(cells, core, heights) <= most:
         return [body]
     upper = heights >= otsu_threshold(heights)
-    rise = np.median(heights[upper]) - np.median(heights[~upper])
-    if rise > WEIR * cells.metre and _stands_above(cells, core[upper], core[~upper]):
+    if _stands_above(cells, core, heights, upper):
         return [body]
     pieces = [piece for part in (upper, ~upper) for piece in _pieces(cells, core[part], least)]
     if sum(len(piece) for piece in pieces) < COMPACT * len(core):
@@ -95,14 +94,16 @@ def along_banks(cells: CellGrid, some: Ints) -> Floats:
     return np.asarray(np.interp(spots @ axis, lower_ends, surface))
 
 
-def _stands_above(cells: CellGrid, upper: Ints, lower: Ints) -> bool:
+def _stands_above(cells: CellGrid, core: Ints, heights: Floats, upper: NDArray[np.bool_]) -> bool:
     """Whether what is much higher is no water but a pier or boats: few of its cells have points.
 
     The others are amid a hole, and only near such points. Still pools above rapids return few, too,
     but are not so high.
     """
-    filled = cells.count.ravel() > 0
-    return bool(filled[upper].mean() < SPARSE * filled[lower].mean())
+    filled = cells.count.ravel()[core] > 0
+    sparse = filled[upper].mean() < SPARSE * filled[~upper].mean()
+    rise = np.median(heights[upper]) - np.median(heights[~upper])
+    return bool(sparse and rise > WEIR * cells.metre)
 
 
 def _from_plane(cells: CellGrid, core: Ints, heights: Floats) -> float:

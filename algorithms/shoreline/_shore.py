@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from algorithms.shared.delaunay import triangulate
 from algorithms.shoreline._bodies import CellGrid, window
@@ -189,7 +189,7 @@ def _stands(points: Floats, high: Mask, metre: float, ctx: Context) -> Mask:
     stands = np.ones(len(points), bool)
     if len(points) <= NEAR:
         return stands
-    tree = scipy.spatial.cKDTree(points[:, :2])
+    tree = cKDTree(points[:, :2])
     for some in _blocks(np.flatnonzero(high), ctx):
         away, near = (np.asarray(a) for a in tree.query(points[some, :2], NEAR + 1))
         d = points[near] - points[some][:, None]
@@ -202,7 +202,7 @@ def _stands(points: Floats, high: Mask, metre: float, ctx: Context) -> Mask:
         stands[some] = lowest | (on_plane[:, 0] & most)
     kept = np.flatnonzero(stands)
     if len(kept) > ALONE[1]:
-        _, beside = scipy.spatial.cKDTree(points[kept, :2]).query(points[kept, :2], ALONE[1] + 1)
+        _, beside = cKDTree(points[kept, :2]).query(points[kept, :2], ALONE[1] + 1)
         stands[kept] = ~high[kept] | (high[kept][beside].sum(axis=1) > ALONE[0])
     return stands
 
@@ -272,11 +272,11 @@ def _expect_ground(
         return
     seen, high = kind[wet] == WATER, land[wet]
     water = np.flatnonzero(seen)
-    tree, most = scipy.spatial.cKDTree(xy[wet[water]]), min(2 * count, len(water))
+    tree, most = cKDTree(xy[wet[water]]), min(2 * count, len(water))
     for turn in range(TURNS):
         part = ctx.part(turn / TURNS, (turn + 1) / TURNS)
         bank = np.flatnonzero(land)
-        beside = scipy.spatial.cKDTree(xy[bank])
+        beside = cKDTree(xy[bank])
         away, first = beside.query(xy[wet])
         at = np.flatnonzero(away <= LAND_REACH / np.sqrt(cells.density))  # only they need a plane
         around = np.zeros((len(at), 0), np.int64)
@@ -307,13 +307,13 @@ def _high_ground(
     some = np.flatnonzero((kind == LAND) | (kind == WATER))
     land = np.zeros(len(xy), bool)
     if len(some) >= count:
-        _, near = scipy.spatial.cKDTree(xy[some]).query(xy[some], range(1, count + 1))
+        _, near = cKDTree(xy[some]).query(xy[some], range(1, count + 1))
         land[some] = np.median(height[some][near], axis=1) >= step
     return land
 
 
 def _planes(
-    land: scipy.spatial.cKDTree, height: Floats, at: Floats, count: int, ctx: Context
+    land: cKDTree, height: Floats, at: Floats, count: int, ctx: Context
 ) -> tuple[Floats, Floats]:
     """Heights and slopes of planes through the `count` points of land next to each position.
 

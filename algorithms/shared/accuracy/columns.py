@@ -1,13 +1,11 @@
-"""Headings and units of the measures of accuracy, as reports show them."""
+"""Headings and units of the tables of accuracies, as reports show them."""
 
 from __future__ import annotations
 
+from algorithms.shared.accuracy.confusion import CLASS_MEASURES
 from toolbox.data.report import Column
 
-MEASURES = {
-    "reference": Column("In the reference"),
-    "given": Column("Given"),
-    "right": Column("Right"),
+_KNOWN = {
     "overall_accuracy": Column("Overall accuracy", "%", 2),
     "producers_accuracy": Column("Producer's accuracy", "%", 2),
     "users_accuracy": Column("User's accuracy", "%", 2),
@@ -24,3 +22,19 @@ MEASURES = {
     "kappa": Column("Kappa", "", 3),
     "kappa_of_classes": Column("Kappa of all classes", "", 3),
 }
+
+
+def shown(*names: str) -> dict[str, Column]:
+    """How the columns of these measures are shown; their limits follow them."""
+    return {name: _KNOWN[name] for name in names}
+
+
+COUNTS = {
+    "reference": Column("In the reference"),
+    "given": Column("Given"),
+    "right": Column("Right"),
+}
+"""Points of each class."""
+
+OF_CLASSES = shown(*CLASS_MEASURES)
+"""Measures of each class."""

@@ -159,8 +159,8 @@ def _without_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
     kept = [water for water in found if not _is_gap(cells, water)]
     if len(kept) < len(found):
         log.warning(
-            "points: %d places are left out as gaps of the data: they fall by more than %.0f %%, "
-            "as hillsides do, or lie between its pieces and have no shore at one level",
+            "points: gaps of the data that are left out: %d; they fall by more than %.0f %%, as "
+            "hillsides do, or lie between its pieces and have no shore at one level",
             len(found) - len(kept),
             100 * STEEPEST,
         )

@@ -8,7 +8,7 @@ import sys
 
 TRIM_THRESHOLD, MMAP_MAX = -1, -4  # what mallopt sets, by the numbers of malloc.h
 NEVER = -1
-SELDOM = 100_000  # new objects between two looks; 700 else, so that loading a model looks 400 times
+SELDOM = 300_000  # new objects between two looks; 700 else. A chain loads some 190,000
 
 
 def give_back() -> None:

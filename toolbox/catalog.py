@@ -30,7 +30,7 @@ MODEL = (".yaml", ".yml")  # endings of model files
 QGIS = "qgis:"  # begins the id of an algorithm of QGIS
 
 
-def own_files() -> dict[str, Path]:
+def own_files() -> Mapping[str, Path]:
     """The file that declares each tool of this distribution, by id, from the names of the files.
 
     Raises
@@ -40,6 +40,11 @@ def own_files() -> dict[str, Path]:
     """
     if problem := hidden():
         raise DataError(problem)
+    return _own_files()
+
+
+@functools.cache
+def _own_files() -> Mapping[str, Path]:
     paths = [path for path in ALGORITHMS.glob("*/[!_]*.*") if path.suffix in (".py", *MODEL)]
     paths = [path for path in paths if path.parent.name not in NOT_GROUPS]
     return {f"{path.parent.name}.{path.stem}": path for path in sorted(paths)}
@@ -109,10 +114,10 @@ def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
     if id.startswith(QGIS):
         found: Spec = importlib.import_module("toolbox.qgis.steps").load(id)
         return found
-    if id not in ids():
+    plugin = None if path else plugins().get(id)
+    if not (path or plugin):
         hint = nearest(id, ids()) or "; 'list' shows all"
         raise ParameterError(f"no tool called {id!r}{hint}")
-    plugin = plugins().get(id)
     module = plugin.module if plugin else f"algorithms.{id}"
     try:
         importlib.import_module(module)

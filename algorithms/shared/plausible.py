@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
-from scipy.spatial import cKDTree
 
 from algorithms.shared.kernels.sorting import grouped
 from algorithms.shared.kernels.squares import (
-    bottoms,
     ends,
     held,
     layers_above,
@@ -177,6 +175,8 @@ def second_layer(
 ) -> tuple[float, float]:
     """Share of squares with a second layer at one height above the ground, and that height.
 
+    Both are zero where the share is proved to be no more than :data:`TWICE`.
+
     Two surveys in different height systems, or two flights that do not fit, are two surfaces at one
     distance everywhere. Heights above the ground are those above its next point, so that slopes do
     not matter. Crowns and roofs are at many heights, or there is no ground below them.
@@ -210,15 +210,18 @@ def second_layer(
     number = np.full(len(counts), -1)
     number[chosen] = np.arange(len(chosen))
     index = held(squares, number, kept)
-    square, rise = _rises(xyz.take(index, axis=0) / metre, ground[index], number[squares[index]])
+    points, ground, square = xyz.take(index, axis=0) / metre, ground[index], number[squares[index]]
+    if _most_layered(points, ground, square, counts[chosen]) <= TWICE:
+        return 0.0, 0.0
+    square, rise = _rises(points, ground, square)
     layers = ((rise - CLEAR) / LAYER).astype(np.int64)
     above = (rise >= CLEAR) & (rise < DEEPEST)
     if not above.any():
         return 0.0, 0.0
-    points = np.zeros((len(chosen), int(layers[above].max()) + 2), np.int64)
-    np.add.at(points, (square[above], layers[above]), 1)
-    pairs = points[:, :-1] + points[:, 1:]  # a layer may lie across the border of two
-    least = np.maximum(HALF * counts[chosen], QUARTER * points.sum(axis=1))
+    held_by = np.zeros((len(chosen), int(layers[above].max()) + 2), np.int64)
+    np.add.at(held_by, (square[above], layers[above]), 1)
+    pairs = held_by[:, :-1] + held_by[:, 1:]  # a layer may lie across the border of two
+    least = np.maximum(HALF * counts[chosen], QUARTER * held_by.sum(axis=1))
     shares = (pairs >= least[:, None]).mean(axis=0)
     best = int(shares.argmax())
     if shares[best] == 0.0:
@@ -227,11 +230,34 @@ def second_layer(
     return float(shares[best]), float(np.median(rise[within]))
 
 
+def _most_layered(points: Floats, ground: Mask, square: Ints, counts: Ints) -> float:
+    """What the share of squares with a second layer is at most, without a search.
+
+    A point is no higher above the next ground than above the lowest of its square, and no lower
+    than above the highest: it counts for each layer between. Points are in metres, shape (n, 3),
+    and `counts` the number of ground points of each square.
+    """
+    lowest, highest = ends(square[ground], points[ground], len(counts))
+    z, square = points[~ground, 2], square[~ground]
+    least, most = z - highest[square], z - lowest[square]
+    sure = np.bincount(square[(least >= CLEAR) & (most < DEEPEST)], minlength=len(counts))
+    some = (most >= CLEAR) & (least < DEEPEST)
+    first = ((least[some].clip(CLEAR) - CLEAR) / LAYER).astype(np.int64) - 1  # of the two layers
+    last = ((most[some].clip(max=DEEPEST) - CLEAR) / LAYER).astype(np.int64)
+    held_by = np.zeros((len(counts), int(last.max(initial=0)) + 2), np.int64)
+    np.add.at(held_by, (square[some], first.clip(0)), 1)
+    np.add.at(held_by, (square[some], last + 1), -1)
+    needed = np.maximum(HALF * counts, QUARTER * sure)
+    return float((held_by.cumsum(axis=1) >= needed[:, None]).mean(axis=0).max())
+
+
 def _rises(points: Floats, ground: Mask, square: Ints) -> tuple[Ints, Floats]:
     """Squares of the points that are not ground, and metres above the next ground of that square.
 
     Points are in metres, shape (n, 3).
     """
+    from scipy.spatial import cKDTree  # of which single surveys have no need
+
     # Squares are put far from each other, so that the next point is of the same one.
     places = np.column_stack([points[:, :2], square * 1e3])
     _, next_ground = cKDTree(places[ground]).query(places[~ground])
@@ -338,8 +364,7 @@ def two_surveys(xyz: Floats, metre: float, kept: Mask | None = None) -> str | No
     if np.count_nonzero(kept) < FEW:
         return None
     squares = squares_of(xyz, metre)
-    low = bottoms(squares, kept, xyz, int(squares.max()) + 1)
-    ground = near_bottom(squares, kept, xyz, low, CLEAR * metre)
+    ground = near_bottom(squares, kept, xyz, int(squares.max()) + 1, CLEAR * metre)
     return two_surfaces(xyz, ground, squares, metre, kept)
 
 

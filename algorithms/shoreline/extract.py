@@ -13,22 +13,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from algorithms.shared import parameters
 from algorithms.shoreline import _columns as columns
-from algorithms.shoreline._bodies import CellGrid
 from algorithms.shoreline._level import NINETY_FIVE
-from algorithms.shoreline._outline import Outline, detail_of, draw
-from algorithms.shoreline._returns import Returns
-from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell, warn_of
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud, Survey, Vector
 from toolbox.data.crs import own_unit, short_height_unit, unit_of_lengths
 from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    from algorithms.shoreline._bodies import CellGrid
+    from algorithms.shoreline._outline import Outline
+    from algorithms.shoreline._water import Water
 
 Row = dict[str, Any]
 LEAST_TOLD = 0.001  # the last digit of a level as it is told; what is smaller is rounded up
@@ -196,6 +197,11 @@ class ShorelineExtract:
 
     def run(self, ctx: Context = QUIET) -> ShorelineExtract.Outputs:
         """Find the bodies, choose among them and draw them."""
+        # of which a model that looks for no water has no need
+        from algorithms.shoreline._outline import detail_of, draw
+        from algorithms.shoreline._returns import Returns
+        from algorithms.shoreline._water import find_water
+
         points = Returns.of(self.points, self.ignore, self.water_classes, ctx.part(0.0, 0.3))
         if not len(points):
             log.warning("points: there are none, and no water")
@@ -222,6 +228,8 @@ class ShorelineExtract:
 
     def _chosen(self, cells: CellGrid, water: Sequence[Water]) -> list[int]:
         """Indices of the bodies to give out."""
+        from algorithms.shoreline._water import at_place, sloping, tell, warn_of
+
         tell(cells, water)
         every = list(range(len(water)))
         chosen = every if self.bodies == "all" else every[:1]

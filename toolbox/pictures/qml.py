@@ -26,7 +26,7 @@ _TEXT, _EDGE = 7.0, 0.7  # points, and millimetres around letters
 _SOLID, _LIGHT = 255, 102  # opacity; that of areas, as on the maps of reports
 _SYMBOLS = (("marker", "SimpleMarker"), ("line", "SimpleLine"), ("fill", "SimpleFill"))
 _OTHERS = ""  # value of the category of QGIS for features whose value has none, such as null
-_NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_NOT_IN_XML = r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"  # takes 10 ms to read
 _INSTEAD = "\ufffd"
 _OVER_POINT, _ALONG_LINE, _ON_LINE = "1", "2", "1"  # numbers of QgsPalLayerSettings, QgsLabeling
 
@@ -55,7 +55,7 @@ def style(layer: Vector, shows: Sequence[Show]) -> str:
     if not any(_as_declared(made, layer, show) for show in shows):
         renderer = ElementTree.SubElement(made, "renderer-v2", type="singleSymbol")
         _symbols(renderer, layer, [(colour_of(shows, _LINE), _HEAVY)])
-    return _NOT_IN_XML.sub(_INSTEAD, ElementTree.tostring(made, encoding="unicode"))
+    return re.sub(_NOT_IN_XML, _INSTEAD, ElementTree.tostring(made, encoding="unicode"))
 
 
 def _as_declared(made: ElementTree.Element, layer: Vector, show: Show) -> bool:

@@ -83,19 +83,12 @@ def ends(squares, xyz, size):
 
 
 @kernel
-def bottoms(squares, kept, xyz, size):
-    """Lowest height of the kept points of each square, infinite without any."""
-    low = np.full(size, np.inf)
+def near_bottom(squares, kept, xyz, size, reach):
+    """Whether each point is kept, and less than `reach` above the lowest kept of its square."""
+    low, near = np.full(size, np.inf), np.zeros(len(squares), np.bool_)
     for i in range(len(squares)):
         if kept[i]:
             low[squares[i]] = min(low[squares[i]], xyz[i, 2])
-    return low
-
-
-@kernel
-def near_bottom(squares, kept, xyz, low, reach):
-    """Whether each point is kept, and less than `reach` above the lowest of its square."""
-    near = np.zeros(len(squares), np.bool_)
     for i in range(len(squares)):
         near[i] = kept[i] and xyz[i, 2] - low[squares[i]] < reach
     return near

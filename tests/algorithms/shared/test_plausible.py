@@ -15,6 +15,7 @@ from scenes.towns import plane, town
 
 from algorithms.points.info import PointsInfo
 from algorithms.shared import plausible
+from algorithms.shared.kernels.squares import ends
 from algorithms.shared.plausible import (
     height_problem,
     hidden_share,
@@ -199,6 +200,31 @@ def test_squares_with_a_point_or_two_of_ground_do_not_count() -> None:
     ground = np.ones(len(xyz), bool)
     ground[len(one) : 2 * len(one)] = False
     assert second_layer(xyz, ground, squares_of(xyz, 1.0), 1.0)[0] > 0.9
+
+
+@pytest.mark.parametrize("apart", [0.3, 1.2, 12.0, 250.0])
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.2, 0.35, 0.5])
+@pytest.mark.parametrize("tilt", [0.0, 0.3, 2.0])
+def test_a_second_layer_is_searched_for_only_where_there_may_be_one(
+    apart: float, share: float, tilt: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    xyz = two_surveys(apart, share, tilt)[::7]
+    squares = squares_of(xyz, 1.0)
+    lowest, _ = ends(squares, xyz, int(squares.max()) + 1)
+    ground = xyz[:, 2] < lowest[squares] + 1.0
+    bounds: list[float] = []
+    bound = plausible._most_layered
+
+    def noted(*arguments: Any) -> float:
+        bounds.append(bound(*arguments))
+        return bounds[0]
+
+    monkeypatch.setattr(plausible, "_most_layered", noted)
+    found = second_layer(xyz, ground, squares, 1.0)
+    monkeypatch.setattr(plausible, "_most_layered", lambda *_: 1.0)
+    searched = second_layer(xyz, ground, squares, 1.0)
+    assert bounds[0] >= searched[0]
+    assert found == (searched if bounds[0] > plausible.TWICE else (0.0, 0.0))
 
 
 def test_points_in_one_vertical_plane_do_not_tell_what_is_ground(

@@ -6,7 +6,6 @@ import numpy as np
 
 from algorithms.shared.kernels.squares import (
     add_slices,
-    bottoms,
     held,
     near_bottom,
     numbered,
@@ -39,10 +38,8 @@ def test_only_kept_points_make_the_bottom_of_a_square() -> None:
     squares, kept = rng.integers(0, 9, 300), rng.random(300) < 0.8
     squares[squares == 4] = 5  # none in one of them
     xyz = rng.uniform(0, 5, (300, 3))
-    low = bottoms(squares, kept, xyz, 9)
-    wanted = [min(xyz[kept & (squares == k), 2], default=np.inf) for k in range(9)]
-    np.testing.assert_array_equal(low, wanted)
-    near = near_bottom(squares, kept, xyz, low, 1.0)
+    low = np.array([min(xyz[kept & (squares == k), 2], default=np.inf) for k in range(9)])
+    near = near_bottom(squares, kept, xyz, 9, 1.0)
     np.testing.assert_array_equal(near, kept & (xyz[:, 2] - low[squares] < 1.0))
     number = np.where(np.arange(9) % 2 == 0, np.arange(9), -1)
     index = held(squares, number, kept)

@@ -14,7 +14,7 @@ from pyproj import CRS
 
 from toolbox import catalog, language, renamed
 from toolbox.context import QUIET, Context, listening, log
-from toolbox.data.crs import length_problem, metres_per_unit, parse_crs, short_unit, unit_of
+from toolbox.data.crs import foot_of, parse_crs, unit_of, unit_of_lengths
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError, memory_named, nearest
@@ -198,17 +198,21 @@ class _Asked:
     def in_tiles(self, tiling: Tiling, ctx: Context) -> Results:
         """Run the tool on the points of a tile at a time."""
         from toolbox.tiles import engine as tiles
+        from toolbox.tiles.plan import surveys_of
 
+        surveys = surveys_of(self.spec, self.reads, self.crs, ctx.part(0, 0))
+        asked = self._suited(surveys)
         with delivery.folder_of(self.writes):
             made = tiles.run(
                 self.id,
                 self.spec,
-                self.settings,
+                asked.settings,
                 self.reads,
                 self.writes,
                 tiling,
+                surveys=surveys,
                 reading=self.reading,
-                record=self.record(ctx.part(0, HASH)),
+                record=asked.record(ctx.part(0, HASH)),
                 overwrite=self.overwrite,
                 resume=self.resume,
                 assume_crs=self.crs,
@@ -219,8 +223,30 @@ class _Asked:
 
     def whole(self, ctx: Context) -> Results:
         """Run the tool on all points at once."""
+        opening = ctx.part(0, READ - HASH)
+        layers = sources.opened(self.spec, self.reads, self.crs, self.reading, opening)
+        return self._suited(layers)._run(layers, ctx)
+
+    def _suited(self, layers: Mapping[str, Any]) -> _Asked:
+        """What is asked for, with defaults in feet where the data are."""
+        crs = self._crs_of(layers)
+        given = {n: value for n, value in self.settings.items() if n in self.given}
+        fields = self.spec.inputs.items() if (foot := foot_of(crs)) else ()
+        in_feet = {
+            n: field.default_in(foot) for n, field in fields if field.feet and n not in self.given
+        }
+        _tell_lengths(self.spec, {**given, **in_feet}, crs)
+        return replace(self, settings={**self.settings, **in_feet})
+
+    def _crs_of(self, layers: Mapping[str, Any]) -> CRS | None:
+        """The CRS of the first layer that has one."""
+        found = (x for n, value in layers.items() for x in self.spec.sources[n].items(value))
+        return next((layer.crs for layer in found if layer.is_spatial and layer.crs), None)
+
+    def _run(self, layers: Mapping[str, Any], ctx: Context) -> Results:
+        """Run the tool on layers that are open, and write what was asked for."""
         spec, writes, counts = self.spec, self.writes, list[Count]()
-        layers = self._opened(ctx.part(0, READ - HASH))
+        self._check(layers)
         record = self.record(ctx.part(READ - HASH, READ))
         if self.reading:
             self.reading.check_unchanged()
@@ -236,16 +262,12 @@ class _Asked:
         remember(in_memory, self.reads, self.files, self.describe, counts)
         return made
 
-    def _opened(self, ctx: Context) -> dict[str, Any]:
-        """The layers of the sources, checked with the settings that depend on them."""
+    def _check(self, layers: Mapping[str, Any]) -> None:
+        """Check the settings that depend on the layers."""
         spec = self.spec
-        layers = sources.opened(spec, self.reads, self.crs, self.reading, ctx)
         each = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
         targets.check_crs(spec.id, self.writes, each)
         cells.check(spec, self.settings, layers)
-        lengths = {n: value for n, value in self.settings.items() if n in self.given}
-        _tell_lengths(spec, lengths, layers)
-        return layers
 
     def _made(self, layers: Mapping[str, Any], counts: list[Count], ctx: Context) -> dict[str, Any]:
         """Run the tool or model; its results by name, and those of steps that are written."""
@@ -286,15 +308,14 @@ def _tell_idle(spec: Spec, names: Iterable[str]) -> None:
         log.warning("%s: is not used by any step that runs; it is for: %s", name, titles)
 
 
-def _tell_lengths(spec: Spec, given: Mapping[str, Any], layers: Mapping[str, Any]) -> None:
-    """Say what given lengths are in the unit of the data, where that is not the metre."""
-    found = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
-    crs = next((layer.crs for layer in found if layer.is_spatial and layer.crs), None)
-    if crs is None or length_problem(crs) or metres_per_unit(crs) == 1:
+def _tell_lengths(spec: Spec, given: Mapping[str, Any], crs: CRS | None) -> None:
+    """Say what lengths are in the unit of the data, where that is not the metre."""
+    if (own := unit_of_lengths(crs)) is None:
         return
-    unit = unit_of(metres_per_unit(crs)) or short_unit(crs)
+    name_of_unit, metres = own
+    unit = unit_of(metres) or name_of_unit
     texts = [
-        f"{name} {value:.6g} m = {value / metres_per_unit(crs):.7g} {unit}"
+        f"{name} {value:.6g} m = {value / metres:.7g} {unit}"
         for name, value in given.items()
         if spec.inputs[name].unit == "m" and isinstance(value, int | float)
     ]

@@ -293,6 +293,7 @@ def _row(name: str, field: Mapping[str, Any]) -> str:
     says, schema = _says(field), field["schema"]
     unit = f" [{says['unit']}]" if says.get("unit", "1") != "1" else ""
     default = f"`{schema['default']}`" if "default" in schema else ""
+    default += f"; {says['feet']}" if "feet" in says else ""
     if field["minOccurs"]:
         default = "required"
     rule = says.get("rule", "")

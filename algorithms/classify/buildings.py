@@ -184,8 +184,9 @@ class ClassifyBuildings:
             span = f"{heights.min():.1f} to {heights.max():.1f} m"
             parts = int((frame["sections"] > 1).sum())
             return (
-                f"Buildings: {len(frame)}, {span} high. Houses that touch are one building; "
-                f"with a roof in several parts: {parts}."
+                f"Buildings: {len(frame)}, {span} high, counted by roof. An outline is that of a "
+                "connected roof, not a plot or a unit of a land register: houses that touch, as "
+                f"in a terrace, are one. With a roof in several parts: {parts}."
             )
 
         def not_looked_at(self) -> Iterator[str]:

@@ -7,8 +7,22 @@ from toolbox.data.report import Column
 WATER = {
     "body": Column("Body"),
     "level": Column("Level", "unit", 3),
-    "level_error": Column("Standard error of the level", "unit", 3, never_zero=True),
-    "level_interval": Column("Uncertainty of the level (95 %)", "unit", 3, never_zero=True),
+    "level_error": Column(
+        "Standard error of the level within the survey",
+        "unit",
+        3,
+        never_zero=True,
+        meaning="Standard error of the level by the points of this survey alone; an error that all "
+        "of its heights have in common comes on top",
+    ),
+    "level_interval": Column(
+        "Uncertainty of the level within the survey (95 %)",
+        "unit",
+        3,
+        never_zero=True,
+        meaning="Half of the 95 % interval of the level by the points of this survey alone; an "
+        "error that all of its heights have in common comes on top",
+    ),
     "slope": Column("Slope of the level", "", 6),
     "area": Column("Area", "m²", 0),
     "area_error": Column("Standard error of the area", "m²", 0, never_zero=True),

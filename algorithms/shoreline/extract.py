@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -67,10 +68,11 @@ class ShorelineExtract:
     the water, whatever lies above or below. The outline runs between the points, where the bank
     reaches the level. What each body was found by is in its attribute evidence.
 
-    By default the largest body is given, with `seed_point` the one at that place. Ponds are bodies
-    of their own even at the same level, islands are holes of the polygon. Where the data end and
-    the water does not, the outline follows the edge of the data: attribute open_length, and lines
-    of kind data edge. Parts that were flown at different levels on different days are one body.
+    By default the largest body is given, with `seed_point` the one at that place, and the outlines
+    of the others as `other_waters`. Ponds are bodies of their own even at the same level, islands
+    are holes of the polygon. Where the data end and the water does not, the outline follows the
+    edge of the data: attribute open_length, and lines of kind data edge. Parts that were flown at
+    different levels on different days are one body.
 
     `vertices` are the corners of the outlines with the standard deviation across the shore, from
     the spacing of points, the slope of the bank and the error of the level. It says nothing about
@@ -127,9 +129,17 @@ class ShorelineExtract:
         vertices: Vector = sink(
             "Corners of the outlines with their standard deviation", columns=columns.VERTICES
         )
+        other_waters: Vector = sink(
+            "Outlines of the water bodies that were found and are not given",
+            show=show.OfClass(9, thin=True),
+            columns=columns.SHORELINE,
+            listed=False,
+        )
         level: float | None = sink("Level of the largest body given", unit="m")
-        level_error: float | None = sink("Its standard error", unit="m")
-        level_interval: float | None = sink("Uncertainty of the level (95 %)", unit="m")
+        level_error: float | None = sink("Its standard error within the survey", unit="m")
+        level_interval: float | None = sink(
+            "Uncertainty of the level within the survey (95 %)", unit="m"
+        )
         area: float = sink("Area of all bodies given", unit="m2")
         count: int = sink("Number of bodies given", unit="1")
         detail: float | None = sink(
@@ -205,7 +215,7 @@ class ShorelineExtract:
         points = Returns.of(self.points, self.ignore, self.water_classes, ctx.part(0.0, 0.3))
         if not len(points):
             log.warning("points: there are none, and no water")
-            return self._packed([], None)
+            return self._packed([], [], None)
         cells, water = find_water(
             points,
             self.min_area,
@@ -213,18 +223,13 @@ class ShorelineExtract:
             ctx=ctx.part(0.3, 0.7),
         )
         chosen = self._chosen(cells, water)
-        outlines = draw(
-            points,
-            cells,
-            water,
-            chosen,
-            self.min_area,
-            self.min_island,
-            self.smoothing,
-            ctx.part(0.7, 1.0),
-        )
+        how = self.min_area, self.min_island, self.smoothing
+        outlines = draw(points, cells, water, chosen, *how, ctx.part(0.7, 0.9))
         _warn(outlines)
-        return self._packed(outlines, detail_of(cells))
+        rest = [] if self.bodies == "all" else [k for k in range(len(water)) if k not in chosen]
+        others = draw(points, cells, water, rest, *how, ctx.part(0.9, 1.0)) if rest else []
+        others = [replace(one, number=one.number + len(outlines)) for one in others]
+        return self._packed(outlines, others, detail_of(cells))
 
     def _chosen(self, cells: CellGrid, water: Sequence[Water]) -> list[int]:
         """Indices of the bodies to give out."""
@@ -238,7 +243,11 @@ class ShorelineExtract:
         if others := len(water) - len(chosen):
             setting = setting_name("bodies")
             how = f"; {setting} all gives them" if setting else ""
-            log.warning("points: %d other water bodies were found and are not given%s", others, how)
+            log.warning(
+                "points: %d other water bodies were found, and only their outlines are given%s",
+                others,
+                how,
+            )
         rivers = [k for k in chosen if water[k].fall and not self.sloped]
         for k in rivers:
             setting = setting_name("sloped")
@@ -252,7 +261,7 @@ class ShorelineExtract:
         return chosen
 
     def _packed(
-        self, outlines: Sequence[Outline], detail: float | None
+        self, outlines: Sequence[Outline], others: Sequence[Outline], detail: float | None
     ) -> ShorelineExtract.Outputs:
         crs = self.points.crs
         polygons = [feature for o in outlines for feature in o.rows()]
@@ -263,6 +272,7 @@ class ShorelineExtract:
             water=_layer(polygons, crs, "Polygon Z"),
             shoreline=_layer(lines, crs, "LineString Z"),
             vertices=_layer(corners, crs, "Point Z"),
+            other_waters=_layer([f for o in others for f in o.lines()], crs, "LineString Z"),
             level=first.height if first else None,
             level_error=first.error if first else None,
             level_interval=first.interval if first else None,

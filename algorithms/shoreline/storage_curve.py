@@ -42,6 +42,7 @@ ROUNDING = 1e-9  # steps
 GROUND = 2  # class
 OVERTOPPED = "overtopped"  # column of the curve of a lake
 FALL = 0.3  # metres that water must fall behind a rim: roughness of ground is no rim
+INTERVAL = "level_interval"  # column of a lake, half of the 95 % interval of its level
 ERROR = "area_error"  # column of a lake, standard error of its area in square metres
 
 
@@ -181,6 +182,11 @@ class ShorelineStorageCurve:
         )
         area: float = sink("Area at the last level", unit="m2")
         volume: float = sink("Volume at the last level", unit="m3")
+        level_uncertainty: float | None = sink(
+            "Uncertainty of the level of the lake with the common error of heights (95 %)",
+            unit="m",
+            label="Uncertainty of the level",
+        )
         spill: float | None = sink(
             "Level at which the lake runs over its rim; none if never",
             unit="m",
@@ -207,6 +213,11 @@ class ShorelineStorageCurve:
             )
             if frame["open"].all():
                 words += " At all of them the water goes on beyond the edge of the data."
+            if self.level_uncertainty is not None:
+                words += (
+                    f" With the error that all heights have in common the level of the survey is "
+                    f"known to ± {self.level_uncertainty:.3f} m (95 %)."
+                )
             return words if self.spill is None else f"{words} {self._runs_over()}"
 
         def _runs_over(self) -> str:
@@ -295,6 +306,7 @@ class ShorelineStorageCurve:
             opens=opens if math.isfinite(opens) else None,
             area=float(area[-1]),
             volume=float(volume[-1]),
+            level_uncertainty=self._level_uncertainty(),
             spill=spill if math.isfinite(spill) else None,
             spill_point=spill_point(basin.spill, ground.crs),
             missing_share=basin.missing,
@@ -312,6 +324,15 @@ class ShorelineStorageCurve:
         if further < highest:
             return np.append(first, levels_between(further, highest, step))
         return levels_between(first, highest, step)
+
+    def _level_uncertainty(self) -> float | None:
+        """Half of the 95 % interval of the level of the lake; None if it is not known."""
+        if not self.height_error or self.lake is None or INTERVAL not in self.lake.names:
+            return None
+        frame = self.lake.frame
+        within = float(frame[INTERVAL].iloc[int(np.argmax(frame.geometry.area))])
+        known = math.hypot(within, NINETY_FIVE * self.height_error)
+        return known if math.isfinite(known) else None
 
     def _basin(self, ctx: Context) -> PointBasin | RasterBasin:
         """The ground within the outline."""

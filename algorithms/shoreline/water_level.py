@@ -79,8 +79,10 @@ class ShorelineWaterLevel:
     class Outputs:
         levels: Table = sink("One row per body, the largest first", label="Water levels")
         level: float | None = sink("Level of the largest body", unit="m")
-        level_error: float | None = sink("Its standard error", unit="m")
-        level_interval: float | None = sink("Uncertainty of the level (95 %)", unit="m")
+        level_error: float | None = sink("Its standard error within the survey", unit="m")
+        level_interval: float | None = sink(
+            "Uncertainty of the level within the survey (95 %)", unit="m"
+        )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points have a classification if classes are used."""

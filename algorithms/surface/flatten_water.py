@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from algorithms.shared.alignment import misfit, offset
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.polygons import cells_within, polygons
 from toolbox.context import QUIET, Context, log
@@ -47,10 +48,19 @@ class SurfaceFlattenWater:
 
     A river is not level: where the attribute `slope` is not 0, as `shoreline.extract` gives it with
     `sloped`, its surface is the plane through the heights of the vertices.
+
+    A `surface` with objects on it, as of the highest points, gets the water, too: its cells on the
+    water that are empty or lower have the height of the water, so that there is no hole where the
+    pulses were lost. Bridges, boats and crowns above the water stay, and other empty cells, too.
     """
 
     terrain: Raster = source("Raster of heights of the ground")
     water: Vector = source("Polygons of water", shapes="polygon")
+    surface: Raster | None = source(
+        "Surface with objects on the same cells, into which the water is laid, too",
+        default=None,
+        label="Surface with objects",
+    )
     level: float | None = param(
         "Level of all water, in place of the attribute level of the polygons",
         default=None,
@@ -69,6 +79,12 @@ class SurfaceFlattenWater:
     @outputs
     class Outputs:
         flattened: Raster = sink("The terrain with level water", label="Flattened terrain")
+        surface_with_water: Raster | None = sink(
+            "The surface with water where nothing stands above it", label="Surface with water"
+        )
+        filled: int = sink(
+            "Empty cells of the surface that are water", unit="1", label="Filled cells"
+        )
         raised: int = sink("Cells of the shore that were raised", unit="1", label="Raised cells")
         largest_raise: float = sink("By how much at most", unit="m", label="Largest raise")
         bodies: int = sink("Water bodies laid level", unit="1", label="Water bodies")
@@ -77,18 +93,26 @@ class SurfaceFlattenWater:
             """What was done to the shore."""
             if not self.bodies:
                 return "No water lies on the terrain: it is as it was."
-            if not self.raised:
-                return "The water is level, and no ground at its shore lies lower."
-            unit, metres = unit_of_heights(self.flattened.crs) or ("m", 1.0)
-            return (
-                f"The water is level; {self.raised} cells of the shore were lower, and raised to "
-                f"it by at most {self.largest_raise / metres:.2f} {unit}."
-            )
+            words = "The water is level, and no ground at its shore lies lower."
+            if self.raised:
+                unit, metres = unit_of_heights(self.flattened.crs) or ("m", 1.0)
+                words = (
+                    f"The water is level; {self.raised} cells of the shore were lower, and raised "
+                    f"to it by at most {self.largest_raise / metres:.2f} {unit}."
+                )
+            if self.filled:
+                words += (
+                    f" {self.filled} cells of the surface in which nothing came back from the "
+                    "water have its height, too."
+                )
+            return words
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The raster holds heights, and the level is known."""
         if text := heights_problem(self.terrain):
             yield "terrain", f"{self.terrain.name or 'the raster'} {text}"
+        if self.surface and (text := _not_on(self.surface, self.terrain)):
+            yield "surface", f"{self.surface.name or 'the raster'} {text} of the terrain"
         if self.level is None and len(self.water) and LEVEL not in self.water.names:
             yield (
                 "level",
@@ -136,17 +160,34 @@ class SurfaceFlattenWater:
             )
         if apart := len(bodies) - level_bodies:
             log.warning("%d of %d bodies of water hold no cell of the terrain", apart, len(bodies))
+        made = heights.astype(np.float32)
+        top = self.surface.band() if self.surface else None
         return self.Outputs(
             flattened=Raster.from_lattice(
-                heights.astype(np.float32),
+                made,
                 lattice,
                 crs=self.terrain.crs,
                 descriptions=("terrain",),
                 units=self.terrain.units[:1],
             ),
+            surface_with_water=self.surface and self._with_water(made, wet, raised),
+            filled=0 if top is None else int(np.count_nonzero(wet & np.isnan(top))),
             raised=int(np.count_nonzero(raised)),
             largest_raise=most,
             bodies=level_bodies,
+        )
+
+    def _with_water(self, terrain: NDArray[np.float32], wet: Mask, raised: Mask) -> Raster:
+        """The surface, nowhere below the water and the shore that was raised to it."""
+        assert self.surface is not None
+        top = self.surface.band()
+        top = np.where(wet, np.fmax(top, terrain), np.where(raised, np.maximum(top, terrain), top))
+        return Raster.from_lattice(
+            top.astype(np.float32),
+            Lattice.of(self.surface),
+            crs=self.surface.crs,
+            descriptions=self.surface.descriptions[:1],
+            units=self.surface.units[:1],
         )
 
     def _bodies(self) -> Iterator[tuple[shapely.Polygon, Surface]]:
@@ -184,6 +225,15 @@ class Surface:
     def at(self, x: Array, y: Array) -> Array:
         """Its heights at places."""
         return self.height + self.east * (x - self.x) + self.north * (y - self.y)
+
+
+def _not_on(surface: Raster, terrain: Raster) -> str | None:
+    """Why a surface has not the cells of a terrain, or None; continues a sentence."""
+    one, other = Lattice.of(surface), Lattice.of(terrain)
+    if text := misfit(other, one):
+        return text
+    same = one.shape == other.shape and offset(one, other) == (0, 0)
+    return None if same else "covers another area than that"
 
 
 def shore_below(heights: Array, water: Mask, level: Array, reach: int) -> Mask:

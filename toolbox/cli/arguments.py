@@ -125,7 +125,8 @@ def _add_input(group: Any, name: str, field: Description) -> None:
     schema = field["schema"]
     said = [says.get("rule", ""), _unit(says), says.get("coordinates", "")]
     rule = f" [{'; '.join(filter(None, said))}]" if any(said) else ""
-    default = f" (default {schema['default']})" if "default" in schema else ""
+    defaults = "; ".join(filter(None, (str(schema.get("default", "")), says.get("feet"))))
+    default = f" (default {defaults})" if defaults else ""
     how: dict[str, Any] = {}
     if field["maxOccurs"] != 1 or says["type"] in SEVERAL:
         how = {"nargs": "+"}

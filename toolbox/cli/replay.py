@@ -14,7 +14,7 @@ from typing import Any
 from toolbox import __version__, catalog
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Report
-from toolbox.data.crs import describe_crs, same_crs
+from toolbox.data.crs import describe_crs, foot_of, parse_crs, same_crs
 from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
 from toolbox.declare.kinds import find
@@ -89,13 +89,17 @@ def replay(
     return found
 
 
-def _that_were_set(values: Mapping[str, Any], tool: str) -> dict[str, Any]:
-    """The values without defaults: a record names them too, and some no step of a model may use."""
+def _that_were_set(values: Mapping[str, Any], tool: str, crs: str) -> dict[str, Any]:
+    """The values without defaults: a record names them too, and some no step of a model may use.
+
+    A default that depends on the CRS counts as set where the product has none.
+    """
     fields = catalog.load(tool).inputs
+    foot = foot_of(parse_crs(crs)) if crs else None
     defaults = {
-        name: field.to_json(field.default)
+        name: field.to_json(field.default_in(foot))
         for name, field in fields.items()
-        if field.role == "param" and not field.required
+        if field.role == "param" and not field.required and (crs or field.feet is None)
     }
     return {n: value for n, value in values.items() if n not in defaults or value != defaults[n]}
 
@@ -133,7 +137,8 @@ class _Step:
                 return [layer(item) for item in value]
             return made[value.sha256] if isinstance(value, _Handed) else value
 
-        return {n: layer(value) for n, value in _that_were_set(self.values, self.tool).items()}
+        values = _that_were_set(self.values, self.tool, self.record.crs)
+        return {n: layer(value) for n, value in values.items()}
 
     def run(self, made: Mapping[str, Any], ctx: Context) -> Any:
         """Run it again, and give the layer that it handed on."""

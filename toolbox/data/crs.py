@@ -307,6 +307,18 @@ def unit_of_lengths(crs: CRS | None) -> Unit | None:
     return None if unit == "m" else (unit, metres_per_unit(crs))
 
 
+def foot_of(crs: CRS | None) -> float | None:
+    """Metres of the foot that lengths are in; None where they are in another unit.
+
+    Examples
+    --------
+    >>> foot_of(CRS(2222)), foot_of(CRS(32635)), foot_of(CRS(4326))
+    (0.3048, None, None)
+    """
+    name, metres = unit_of_lengths(crs) or ("", None)
+    return metres if name in (LENGTHS["foot"], LENGTHS["US survey foot"]) else None
+
+
 def own_unit(size: float, unit: Unit | None, power: int = 1, digits: int = 3) -> str:
     """A length, area (power 2), volume (3) or density (-2) in the unit of the data, in brackets.
 

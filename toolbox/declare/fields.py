@@ -61,6 +61,7 @@ class Field:
     columns : how the columns of an output are shown in a report, by name
     listed : whether a report lists the features of an output, which no other table has
     also : formats for layers of a certain content that an output is written in, too
+    feet : default for data in feet, in feet, where products are to be round in them
     """
 
     name: str
@@ -83,6 +84,7 @@ class Field:
     columns: Mapping[str, Column] = dataclasses.field(default_factory=dict)
     listed: bool = True
     also: tuple[str, ...] = ()
+    feet: float | None = None
 
     @property
     def suffixes(self) -> tuple[str, ...]:
@@ -102,6 +104,15 @@ class Field:
     @property
     def required(self) -> bool:
         return self.default is dataclasses.MISSING
+
+    def default_in(self, foot: float | None) -> Any:
+        """The default of data in feet of so many metres, or of data in another unit, in metres."""
+        return self.default if self.feet is None or foot is None else self.feet * foot
+
+    @property
+    def default_of_feet(self) -> str:
+        """What --help and the docs say of the default for data in feet; "" if it is no other."""
+        return "" if self.feet is None else f"{self.feet:g} ft for data in feet"
 
     @property
     def word(self) -> str:
@@ -230,7 +241,7 @@ class Field:
         if self.role == "param" and self.default is not None and not self.required:
             body["default"] = self.to_json(self.default)
         says = {"type": self.kind.word, "unit": self.unit, "rule": self.rule(), "of": self.of}
-        says["coordinates"] = self.kind.coordinates
+        says |= {"coordinates": self.kind.coordinates, "feet": self.default_of_feet}
         meta = [{"role": role, "value": value} for role, value in says.items() if value]
         options = self.kind.save_options if self.role == "sink" else self.kind.open_options
         for option in options:

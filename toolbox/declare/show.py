@@ -109,6 +109,7 @@ class OfClass:
     Attributes
     ----------
     code : of the class, as LAS files number them
+    thin : lines are thin, beside what else is of that class
 
     Examples
     --------
@@ -122,6 +123,7 @@ class OfClass:
     numbers: ClassVar[tuple[str, ...]] = ()
 
     code: int
+    thin: bool = False
 
     def __post_init__(self) -> None:
         if self.code not in COLOURS:
@@ -137,6 +139,11 @@ class OfClass:
 def colour_of(shows: Sequence[Show], other: str) -> str:
     """The one colour that the features of a layer are declared to have; another one if none is."""
     return next((show.colour for show in shows if isinstance(show, OfClass | Isolines)), other)
+
+
+def is_thin(shows: Sequence[Show]) -> bool:
+    """Whether the features of a layer are declared to be thin lines."""
+    return any(isinstance(s, Isolines) or (isinstance(s, OfClass) and s.thin) for s in shows)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ WORDS = (
     "help",
     "label",
     "default",
+    "feet",
     "unit",
     "choices",
     "many",
@@ -68,6 +69,7 @@ def _field(name: str, says: Mapping[str, Any]) -> Field:
         of=says.get("of"),
         label=str(says.get("label", "")),
         shapes=tuple(says.get("shapes", ())),
+        feet=says.get("feet"),
     )
 
 
@@ -108,6 +110,8 @@ def _kind_problems(kind: Kind, says: Mapping[str, Any]) -> dict[str, str]:
             found[key] = f"must be true or false, got {short(says[key])}"
     if kind.is_layer and says.get("default") is not None:
         found["default"] = "a layer has none; it may be optional: true"
+    if "feet" in says and not (kinds.KINDS[float].accepts(says["feet"]) and unit == "m"):
+        found["feet"] = f"must be a number, of a length in m; got {short(says['feet'])}"
     found |= _shapes_problem(kind, says)
     if says.get("of") is not None and kind.word not in ("attribute", "expression"):
         found["of"] = "is for attributes and expressions"

@@ -16,7 +16,7 @@ import numpy as np
 
 from toolbox import language
 from toolbox.data import Vector
-from toolbox.declare.show import Classes, Isolines, Show, Texts, colour_of
+from toolbox.declare.show import Classes, Isolines, Show, Texts, colour_of, is_thin
 from toolbox.pictures.features import UNKNOWN, feature_key
 
 _VERSION = "3.22.0"  # of QGIS, the oldest that the plugin knows
@@ -54,7 +54,8 @@ def style(layer: Vector, shows: Sequence[Show]) -> str:
     made = ElementTree.Element("qgis", version=_VERSION, styleCategories="Symbology|Labeling")
     if not any(_as_declared(made, layer, show) for show in shows):
         renderer = ElementTree.SubElement(made, "renderer-v2", type="singleSymbol")
-        _symbols(renderer, layer, [(colour_of(shows, _LINE), _HEAVY)])
+        width = _THIN if is_thin(shows) else _HEAVY
+        _symbols(renderer, layer, [(colour_of(shows, _LINE), width)])
     return re.sub(_NOT_IN_XML, _INSTEAD, ElementTree.tostring(made, encoding="unicode"))
 
 

@@ -10,24 +10,23 @@ from pyproj import CRS
 from toolbox import __version__, language
 from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import (
+    Unit,
     describe_crs,
     height_system,
     is_local,
-    own_unit,
 )
 from toolbox.data.layer import Layer
 from toolbox.data.report import unit_text
-from toolbox.declare.fields import Spec
+from toolbox.declare.fields import Field, Spec
 from toolbox.reports import words
 from toolbox.reports.units import unit_of_data
 
 if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
-_ALWAYS = ("cell", "rules", "voltage")  # settings that are told also at their defaults
+_ALWAYS = ("cell", "interval", "rules", "voltage")  # settings that are told also at their defaults
 _INSTEAD = {"rules": "distance"}  # a setting that is not used where another one is given
 _MOST_FILES = 4  # that are named
-_DIGITS = 4  # of a setting in the unit of the data
 
 
 def facts_of(
@@ -89,21 +88,27 @@ def _inputs(record: Record | None) -> Iterator[str]:
 def chosen_settings(spec: Spec, record: Record | None, layers: Sequence[Layer] = ()) -> str:
     """The settings that differ from their defaults, and those that must always be told.
 
-    Lengths are told in metres, and in the unit of the first layer that has another one.
+    Lengths are told in metres, and in the unit of the first layer that has another one. What no
+    step that runs uses is not told.
     """
     if record is None:
         return ""
     data_unit, parts = unit_of_data(layers), []
+    idle = spec.idle(record.parameters)
     for name, value in record.parameters.items():
         field = spec.inputs[name]
-        if record.parameters.get(_INSTEAD.get(name, "")) is not None:
+        if record.parameters.get(_INSTEAD.get(name, "")) is not None or name in idle:
             continue
         default = None if field.required else field.to_json(field.default)
         if value is not None and (value != default or name in _ALWAYS):
-            unit = "" if isinstance(value, str) else unit_text(field.unit)
-            title, shown = language.text(field.title), words.setting_of(field, value)
-            shown = language.text(shown) if isinstance(value, bool) else shown
-            is_length = field.unit == "m" and isinstance(value, float | int)
-            own = own_unit(value, data_unit, digits=_DIGITS) if is_length else ""
-            parts.append(f"{title} {shown} {unit}".strip() + own)
+            parts.append(f"{language.text(field.title)} {_told(field, value, data_unit)}")
     return "; ".join(parts)
+
+
+def _told(field: Field, value: Any, data_unit: Unit | None) -> str:
+    """The value of a setting with its unit; of a length also in the unit of the data."""
+    if field.unit == "m" and isinstance(value, float | int):
+        return words.length_text(value, data_unit)
+    shown = words.setting_of(field, value)
+    shown = language.text(shown) if isinstance(value, bool) else shown
+    return shown if isinstance(value, str) else f"{shown} {unit_text(field.unit)}".strip()

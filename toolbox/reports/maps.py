@@ -24,7 +24,7 @@ from toolbox.data.crs import (
 from toolbox.data.layer import Layer
 from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
-from toolbox.declare.show import Classes, Isolines, Show, Values, colour_of
+from toolbox.declare.show import Classes, Show, Values, colour_of, is_thin
 from toolbox.pictures.draw import Shown, drawable, is_apart
 from toolbox.pictures.features import feature_classes
 from toolbox.pictures.images import (
@@ -222,7 +222,7 @@ def _overlays(
                 "name": text,
                 "colour": colour or colour_of(shows, next(colours)),
                 "shape": shape,
-                "thin": any(isinstance(show, Isolines) for show in shows),
+                "thin": is_thin(shows),
                 "features": features,
             }
             for text, colour, own in _classes(layer, show, titles[name])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from toolbox.data import Figure, Raster, Report, Rows, Section, Table
 from toolbox.data.crs import Unit
 from toolbox.data.layer import Layer
-from toolbox.data.report import Block, Head, Plot, unit_text
+from toolbox.data.report import Block, Head, Plot
 from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
 from toolbox.reports import counted, words
@@ -90,7 +90,7 @@ def page(
             for section in _of_layer(spec.results[name], layer)
         ),
         *_sizes(spec, layers),
-        *_settings(spec, record),
+        *_settings(spec, record, unit),
         *_made(spec, record),
     ]
     summary, head = said(spec, found, record, told)
@@ -131,7 +131,7 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
     unit = unit_of_data(layers_of(told.given if told else {}, {}))
     facts = facts_of(spec, {}, record, {})
     head = _head(facts, told.warnings if told else (), report.head.unseen, unit)
-    sections = [*report.sections, *_settings(spec, record), *_made(spec, record)]
+    sections = [*report.sections, *_settings(spec, record, unit), *_made(spec, record)]
     summary = "\n".join(in_both(line, unit) for line in report.summary.splitlines())
     shown = in_unit(sections, unit)
     return Report(report.title, shown, summary=summary, head=head, name=report.name)
@@ -270,21 +270,16 @@ def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
     return [Section("Layers", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
 
 
-def _settings(spec: Spec, record: Record | None) -> list[Section]:
-    """Section with all settings, those that were chosen first."""
+def _settings(spec: Spec, record: Record | None, unit: Unit | None) -> list[Section]:
+    """Section with all settings; lengths that are round in the unit of the data are told in it."""
     if record is None:
         return []
-    rows = [
-        {
-            "Setting": field.title,
-            "Meaning": field.help,
-            "Value": words.setting_of(field, record.parameters[name]),
-            "Unit": unit_text(field.unit),
-            "Name": name,
-        }
-        for name, field in spec.inputs.items()
-        if name in record.parameters
-    ]
+    rows = []
+    for name, said in spec.inputs.items():
+        if name in record.parameters:
+            value, of = words.setting_in(said, record.parameters[name], unit)
+            row = {"Setting": said.title, "Meaning": said.help, "Value": value, "Unit": of}
+            rows.append({**row, "Name": name})
     return [Section("Settings", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
 
 

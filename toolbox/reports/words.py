@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from toolbox import language
-from toolbox.data.crs import short_height_unit
+from toolbox.data.crs import Unit, own_number, own_unit, short_height_unit
 from toolbox.data.layer import Layer
 from toolbox.data.report import Column, unit_text
 from toolbox.declare.fields import Field, Spec
@@ -19,6 +19,7 @@ _FOLDERS = re.compile(r"(?<![\w:/.\\])(?:[A-Za-z]:[\\/]|/(?=[^\s/]+/))(?:[^\s/\\
 _WHOLE = 100  # square and cubic metres from which on parts of one tell nothing
 _MILLIMETRE = 0.001  # metres, the last digit of a length
 _LEAST = 5e-7  # metres: what is less, as the rounding of numbers leaves it, is nothing
+_DIGITS = 4  # of a length that was set, in another unit than its own
 _SHARE = re.compile(r"\bshare\b", re.I)
 
 
@@ -111,6 +112,42 @@ def setting_of(field: Field, value: Any) -> str:
     """
     called = field.words.get(value) if isinstance(value, str | int) else None
     return f"{language.text(called)} ({value})" if called else setting_text(value)
+
+
+def length_text(size: float, unit: Unit | None) -> str:
+    """A length that was set, in metres and in the unit of the data; the one that is round first.
+
+    Examples
+    --------
+    >>> feet = ("ft", 0.3048)
+    >>> length_text(1.0, None), length_text(30.0, feet), length_text(0.9144, feet)
+    ('1 m', '30 m (98.43 ft)', '3 ft (0.9144 m)')
+    """
+    if unit and is_round(size, unit):
+        return f"{own_unit(size, unit, digits=_DIGITS)[2:-1]} ({size:.{_DIGITS}g} m)"
+    return f"{setting_text(size)} m{own_unit(size, unit, digits=_DIGITS)}"
+
+
+def setting_in(field: Field, value: Any, unit: Unit | None) -> tuple[str, str]:
+    """The value of a setting and its unit: that of the data for a length that is round in it.
+
+    Examples
+    --------
+    >>> from toolbox import catalog
+    >>> cell = catalog.load("points.thin").inputs["cell"]
+    >>> setting_in(cell, 0.9144, ("ft", 0.3048)), setting_in(cell, 0.9144, None)
+    (('3', 'ft'), ('0.9144', 'm'))
+    """
+    length = field.unit == "m" and isinstance(value, int | float)
+    if unit and length and is_round(value, unit):
+        return own_number(value, unit, digits=_DIGITS), unit[0]
+    return setting_of(field, value), unit_text(field.unit)
+
+
+def is_round(size: float, unit: Unit) -> bool:
+    """Whether a length in metres has few digits in another unit."""
+    own = size / unit[1]
+    return math.isclose(own, float(f"{own:.{_DIGITS}g}"), rel_tol=1e-9)
 
 
 def title_of(name: str) -> str:

@@ -50,7 +50,7 @@ from toolbox.shown import PAGE, SHOWN
 from toolbox.tiles import overview, spoken
 from toolbox.tiles import store as tile_store
 from toolbox.tiles.crew import Crew, reach_of
-from toolbox.tiles.plan import ALONE, TilePlan, as_model, surveys_of
+from toolbox.tiles.plan import ALONE, TilePlan, as_model
 from toolbox.tiles.products import Product
 from toolbox.tiles.store import TileGrid
 from toolbox.tiles.tiling import Tiling, memory_of
@@ -72,6 +72,7 @@ def run(
     targets: Mapping[str, Target],
     tiling: Tiling,
     *,
+    surveys: Mapping[str, Survey],
     reading: Reading | None,
     record: Record | None,
     overwrite: bool,
@@ -88,6 +89,7 @@ def run(
     settings : values of its parameters
     sources : the layers to read; point clouds are in files
     targets : the outputs to write
+    surveys : the point clouds among the sources, opened by `surveys_of`
     reading : what is known of the files, with their hashes
     record : the provenance record, which each product carries
     overwrite : whether products may replace files
@@ -111,7 +113,6 @@ def run(
     settings = {n: v for n, v in (defaults | dict(settings)).items() if n not in spec.sources}
     wanted = [target.output for target in targets.values()]
     plan = TilePlan.of(as_model(spec), settings, wanted)
-    surveys = surveys_of(spec, sources, assume_crs, ctx)
     if reading:
         reading.check_unchanged()  # since they were hashed; from now on the survey does so
     check_crs(spec.id, targets, surveys.values())
@@ -135,7 +136,7 @@ def run(
         halo=reach_of(plan.halo, survey.metre),
         grid=TileGrid(size * survey.metre),
     )
-    told.given = surveys | job.layers
+    told.given = {**surveys, **job.layers}
     products = _products(plan, targets, survey)
     _check_products(spec.id, products, surveys, overwrite=overwrite)
     with (

@@ -75,6 +75,9 @@ def test_water_is_level_in_the_terrain_and_below_what_stands_on_it() -> None:
     assert len(found["water_bodies"]) == 1
     assert as_it_was["water_bodies"] is None
     top, objects = found["dsm"].band(), found["ndsm"].band()
+    assert np.isnan(as_it_was["dsm"].band()[60, 40:80][middle]).any()
+    assert np.isfinite(top[60, 40:80][middle]).all(), "no holes over the water"
+    assert abs(objects[60, 40:80][middle]).max() < 0.1
     np.testing.assert_allclose(objects, top - found["dtm"].band(), atol=1e-5)
 
 

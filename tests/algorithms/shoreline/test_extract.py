@@ -107,11 +107,18 @@ def test_islands_stay_and_small_ones_are_a_choice() -> None:
 
 def test_a_pond_at_the_same_level_is_another_body(caplog: pytest.LogCaptureFixture) -> None:
     cloud = lake(pond=7.0)
-    assert iou(only(extract(cloud)).geometry, CIRCLE) > 0.98
-    assert "1 other water bodies were found and are not given; bodies all gives" in caplog.text
+    lake_alone = extract(cloud)
+    assert iou(only(lake_alone).geometry, CIRCLE) > 0.98
+    told = "1 other water bodies were found, and only their outlines are given; bodies all gives"
+    assert told in caplog.text
     caplog.clear()
-    both = extract(cloud, bodies="all").water.frame
-    assert "not given" not in caplog.text
+    every = extract(cloud, bodies="all")
+    both = every.water.frame
+    assert "only their outlines" not in caplog.text
+    assert every.other_waters.frame.empty
+    (outline,) = lake_alone.other_waters.frame.itertuples()
+    assert (outline.body, outline.kind) == (2, "shore")
+    assert shapely.Polygon(outline.geometry).equals_exact(both.geometry[1], 1e-9)
     assert list(both["body"]) == [1, 2]
     assert both.geometry[1].area == pytest.approx(math.pi * 49, rel=0.1)
     at = Position(ORIGIN[0] + 10, ORIGIN[1] + 10)

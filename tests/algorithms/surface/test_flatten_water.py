@@ -42,6 +42,31 @@ def test_water_is_level_and_no_shore_is_lower() -> None:
     assert (z[0] == 12.0).all()
 
 
+def test_water_fills_the_holes_of_a_surface_and_leaves_what_stands_on_it() -> None:
+    """A surface model had a hole in each lake, over which its terrain was level."""
+    top = bowl().band().copy()
+    top[3:7, 3:7] = np.nan  # the water swallowed the pulses
+    top[5, 5] = 13.0  # a boat
+    top[6, 6] = 9.9  # a trough of the waves
+    top[18, 18] = np.nan  # on land
+    found = SurfaceFlattenWater(terrain=bowl(), surface=raster(top), water=pond()).run()
+    filled = found.surface_with_water
+    assert filled is not None
+    terrain, surface = found.flattened.band(), filled.band()
+    assert surface[5, 5] == 13.0
+    objects = (surface - terrain)[2:8, 2:8]
+    objects[3, 3] = 0
+    assert (objects == 0).all(), "on the water, and on the shore that was raised to it"
+    assert np.isnan(surface[18, 18])
+    rest = np.ones(top.shape, bool)
+    rest[2:8, 2:8] = False
+    np.testing.assert_array_equal(surface[rest], top[rest])
+    assert found.filled == 14
+    assert "14 cells of the surface in which nothing came back" in found.in_words()
+    with pytest.raises(DataError, match="surface: the raster covers another area than that of the"):
+        SurfaceFlattenWater(terrain=bowl(), surface=raster(top[:-1]), water=pond())
+
+
 def test_the_width_of_gaps_at_the_shore_is_told_in_metres(caplog: pytest.LogCaptureFixture) -> None:
     """It had been the number of feet, said to be metres."""
     z = np.where(bowl().band() == 9.0, 12.0, bowl().band())

@@ -230,6 +230,8 @@ def test_files_that_are_hardly_models(load: Load, text: str, name: str, problem:
         ("{type: text, help: x, gt: 1}", ".gt", "of a number or range"),
         ("{type: number, unit: m, help: x, gt: 0, default: -1}", ".default", "must be > 0 m"),
         ("{type: number, unit: m, help: x, default: a}", ".default", "must be a number"),
+        ("{type: number, unit: m, help: x, feet: a}", ".feet", "must be a number, of a length"),
+        ("{type: number, unit: m2, help: x, feet: 3}", ".feet", "must be a number, of a length"),
         ("{type: choice, help: x}", ".choices", "missing: the words"),
         ("{type: choice, help: x, choices: a}", ".choices", "must be a list of words"),
         ("{type: choice, help: x, choices: [a, b], default: c}", ".default", "must be one of a, b"),

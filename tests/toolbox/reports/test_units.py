@@ -159,6 +159,6 @@ def test_settings_in_the_unit_of_the_data_and_rules_by_their_titles() -> None:
     spec = catalog.load("corridor.clearance")
     feet = [PointCloud(np.zeros((1, 3)), crs=CRS(2222))]
     made = record_of(spec, {"distance": 3.048}, {}, Reading())
-    assert "3.048 m (10 ft)" in chosen_settings(spec, made, feet)
+    assert "10 ft (3.048 m)" in chosen_settings(spec, made, feet)
     made = record_of(spec, {"rules": "ch_lev", "voltage": 110.0}, {}, Reading())
     assert "Rule set LeV of Switzerland (ch_lev)" in chosen_settings(spec, made)

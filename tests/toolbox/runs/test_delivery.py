@@ -25,14 +25,15 @@ from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import Model, ModelRun, run_tool
 from toolbox.runs import sealed
+from toolbox.tiles.tiling import Tiling
 
 MODEL = """
 id: toy.hills
 title: Hills
 inputs:
   points: {type: PointCloud, help: Points}
-  cell: {type: number, default: 2.0, unit: m, gt: 0, help: Size of the cells}
-  interval: {type: number, default: 1.0, unit: m, gt: 0, help: Height between two lines}
+  cell: {type: number, default: 2.0, feet: 3, unit: m, gt: 0, help: Size of the cells}
+  interval: {type: number, default: 1.0, feet: 2, unit: m, gt: 0, help: Height between two lines}
 steps:
   top: {tool: surface.grid, points: {from: inputs.points}, method: max, cell: {from: inputs.cell}}
 outputs:
@@ -114,6 +115,43 @@ def test_the_set_is_written_and_named_in_words(model: str, points: Path, tmp_pat
     joined = "lines.kmz and lines.dxf: the columns of the layers above that they join"
     assert joined in text
     assert "\nlines.kmz\n    " not in text, "columns are told once"
+
+
+FOOT = 1200 / 3937
+
+
+def test_defaults_of_data_in_feet_are_round_in_feet(
+    model: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Cells of a metre were 3.28 ft wide, and contours 3.28 ft apart."""
+    feet, out = tmp_path / "feet.laz", tmp_path / "out"
+    hill("EPSG:2263").save(feet)
+    with caplog.at_level("INFO", "toolbox"):
+        toolbox.run(model, {"points": feet, "deliver": out})
+    assert "cell 0.914402 m = 3 us-ft, interval 0.60960" in caplog.text
+    assert Raster.open(out / "top.tif").cell == 3.0
+    levels = Vector.open(out / "lines.gpkg").frame["elevation"]
+    assert sorted(levels.unique()) == [102.0, 104.0, 106.0]
+    text = " ".join((out / "README.txt").read_text().split())
+    assert "Cell size 3 US ft (0.9144 m); Height between lines 2 US ft (0.6096 m)" in text
+    for name in ("top.tif", "lines.gpkg"):
+        assert replay(out / name, inputs=tmp_path) == []
+    tiling = Tiling(size=6.0, workers=1)
+    toolbox.run(model, {"points": feet, "surface": tmp_path / "tiles.tif"}, tiling=tiling)
+    assert Raster.open(tmp_path / "tiles.tif").cell == 3.0
+
+
+def test_settings_that_are_given_stay_metres_of_data_in_feet(model: str, tmp_path: Path) -> None:
+    feet, made = tmp_path / "feet.laz", tmp_path / "made.tif"
+    hill("EPSG:2263").save(feet)
+    toolbox.run(model, {"points": feet, "cell": 2.0, "surface": made})
+    assert Raster.open(made).cell == pytest.approx(2 / FOOT)
+    assert replay(made, inputs=tmp_path) == []
+    metres = tmp_path / "metres.tif"
+    hill().save(tmp_path / "metres.laz")
+    toolbox.run(model, {"points": tmp_path / "metres.laz", "cell": "3us-ft", "surface": metres})
+    assert Raster.open(metres).cell == pytest.approx(3 * FOOT)
+    assert replay(metres, inputs=tmp_path) == []
 
 
 def test_options_of_a_file_are_those_of_its_format(

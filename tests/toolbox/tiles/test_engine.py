@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import laspy
@@ -29,7 +29,7 @@ from toolbox import PointCloud, Raster, Survey, Vector, catalog
 from toolbox.context import Context
 from toolbox.data import Lattice
 from toolbox.errors import Cancelled, DataError, ParameterError
-from toolbox.tiles import engine
+from toolbox.tiles import engine, plan
 from toolbox.tiles import tiling as options
 from toolbox.tiles.plan import TilePlan, as_model
 from toolbox.tiles.tiling import LEAST, Tiling, memory_of
@@ -115,20 +115,24 @@ def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-@pytest.mark.parametrize("before", ["surveys_of", "Crew"])  # headers are read; points are
+@pytest.mark.parametrize("before", [(plan, "surveys_of"), (engine, "Crew")])  # headers, points
 def test_an_input_that_changes_during_the_run_is_an_error(
-    before: str, survey: Path, tiling: Tiling, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    before: tuple[ModuleType, str],
+    survey: Path,
+    tiling: Tiling,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Not a mixture, with the hash of the old file in its record."""
     folder = tmp_path / "survey"
     shutil.copytree(survey, folder)
-    real = getattr(engine, before)
+    real = getattr(*before)
 
     def changing(*arguments: Any) -> Any:
         shutil.copy(folder / "a.laz", folder / "c.laz")
         return real(*arguments)
 
-    monkeypatch.setattr(engine, before, changing)
+    monkeypatch.setattr(*before, changing)
     values = {"points": folder, "where": "z > 1", "kept": tmp_path / "k.laz"}
     with pytest.raises(DataError, match=r"c\.laz changed while the run was reading"):
         toolbox.run("points.filter", values, tiling=tiling)

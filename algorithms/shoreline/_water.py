@@ -64,6 +64,7 @@ STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
 SURROUNDED = 0.25  # share of the rim of a water without a shore that has points
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
 LISTED = 10  # bodies that are told of one by one
+IN_A_WARNING = 5  # places that one warning names
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
 OFF = 90  # per cent of a long water that lie as its banks do
 STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
@@ -211,12 +212,11 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
         setting = setting_name("level_alone")
         log.warning(
             "points: %d level places are left out, as nothing else tells that they are water: ice "
-            "or bright water, or a square, a field, a cutting; the largest is the %s at a level "
-            "of %s%s",
+            "or bright water, a pool of a river, or a square, a field, a cutting; a terrain has "
+            "them as the points do%s: %s",
             len(left_out),
-            name_of(cells, left_out[0]).replace("water", "place", 1),
-            in_unit(cells, left_out[0].level.height, 2),
             f"; the setting {setting} gives them" if setting else "",
+            _some([_place(cells, one.body.cells, one.level.height) for one in left_out]),
         )
     return sure
 
@@ -289,25 +289,37 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
         if not place.doubtful or any(_meets(cells, place, one) for one in found):
             told.append(place)
     if told:
-        x, y = _centre(cells, told[0].cells)
-        near = max(found, key=lambda one: _contact(cells, told[0], one), default=None)
-        beside = ""
-        if near and _contact(cells, told[0], near):
-            up = (told[0].level - near.level.height) / cells.metre
-            beside = f", {up:+.2f} m from the {name_of(cells, near)} beside it"
         log.warning(
             "points: %d level places are left out from which water would run off to lower ones: "
-            "flights at other times, ice, plants, water above a weir, or land; where they meet "
-            "water, its outline may be no shore. The largest, about %.0f m2 at %.1f,%.1f, has the "
-            "level %s%s, and is known by: %s",
+            "flights at other times, ice, plants, a pool above rapids or a weir, or land; a "
+            "terrain has them as the points do, and where they meet water, its outline may be no "
+            "shore: %s",
             len(told),
-            _digits(len(told[0].cells) * cells.area / cells.metre**2),
-            x,
-            y,
-            in_unit(cells, told[0].level, 2),
-            beside,
-            told[0].evidence,
+            _some([_above(cells, one, found) for one in told]),
         )
+
+
+def _above(cells: CellGrid, place: Body, found: Sequence[Water]) -> str:
+    """Text on a level place, what it is known by, and the water beside it."""
+    text = f"{_place(cells, place.cells, place.level)}, known by {place.evidence}"
+    near = max(found, key=lambda one: _contact(cells, place, one), default=None)
+    if near is None or not _contact(cells, place, near):
+        return text
+    up = (place.level - near.level.height) / cells.metre
+    return f"{text}, {up:+.2f} m from the {name_of(cells, near)} beside it"
+
+
+def _place(cells: CellGrid, some: Ints, level: float) -> str:
+    """Text on size, place and level of some cells."""
+    x, y = _centre(cells, some)
+    area = _digits(len(some) * cells.area / cells.metre**2)
+    return f"about {area:.0f} m2 at {x:.1f},{y:.1f}, level {in_unit(cells, level, 2)}"
+
+
+def _some(texts: Sequence[str]) -> str:
+    """The first of some texts, and how many more there are."""
+    more = [f"and {len(texts) - IN_A_WARNING} more"] if len(texts) > IN_A_WARNING else []
+    return "; ".join([*texts[:IN_A_WARNING], *more])
 
 
 def _tell_steps(cells: CellGrid, found: Sequence[Water]) -> None:
@@ -316,13 +328,9 @@ def _tell_steps(cells: CellGrid, found: Sequence[Water]) -> None:
     if steps:
         log.warning(
             "points: waters at different levels meet, or nearly, in %d places: rapids, a weir, a "
-            "lock, a dam or a dike. A terrain with level water has steps there. The largest, of "
-            "%s, is at %.1f,%.1f: from the %s down to the %s",
+            "lock, a dam or a dike. A terrain with level water has steps there: %s",
             len(steps),
-            in_unit(cells, steps[0].height, 2),
-            *steps[0].place,
-            name_of(cells, steps[0].upper),
-            name_of(cells, steps[0].lower),
+            _some([_step(cells, one) for one in steps]),
         )
 
 
@@ -333,6 +341,15 @@ class _Step(NamedTuple):
     place: tuple[float, float]
     upper: Water
     lower: Water
+
+
+def _step(cells: CellGrid, step: _Step) -> str:
+    """Text on the height and the place of a step, and on the levels on both sides."""
+    x, y = step.place
+    at = np.array([[x, y]])
+    levels = (float(water.level.at(at)[0]) for water in (step.upper, step.lower))
+    height, upper, lower = (in_unit(cells, z, 2) for z in (step.height, *levels))
+    return f"{height} at {x:.1f},{y:.1f}, from {upper} down to {lower}"
 
 
 def _steps(cells: CellGrid, found: Sequence[Water]) -> Iterator[_Step]:

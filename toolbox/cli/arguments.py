@@ -125,7 +125,9 @@ def _add_input(group: Any, name: str, field: Description) -> None:
     schema = field["schema"]
     said = [says.get("rule", ""), _unit(says), says.get("coordinates", "")]
     rule = f" [{'; '.join(filter(None, said))}]" if any(said) else ""
-    defaults = "; ".join(filter(None, (str(schema.get("default", "")), says.get("feet"))))
+    defaults = "; ".join(
+        filter(None, (str(schema.get("default", "")), language.told(says.get("feet", ""))))
+    )
     default = f" (default {defaults})" if defaults else ""
     how: dict[str, Any] = {}
     if field["maxOccurs"] != 1 or says["type"] in SEVERAL:

@@ -467,7 +467,9 @@ def test_what_is_known_by_its_level_alone_is_left_out_and_told(
     dry = waters.survey(made.__name__, 0, density=3.0)
     with caplog.at_level(logging.WARNING, "toolbox"):
         assert extract(dry.points, bodies="all").count == 0
-    assert "level places are left out" in caplog.text
+    (count,) = re.findall(r"points: (\d+) level places are left out", caplog.text)
+    places = re.findall(r"about \d+ m2 at [0-9.]+,[0-9.]+, level [0-9.]+ m", caplog.text)
+    assert len(places) == int(count), "each with its level"
     assert "the setting level_alone gives them" in caplog.text
     assert set(extract(dry.points, bodies="all", level_alone=True).water.frame["evidence"]) == {
         "level"
@@ -795,8 +797,10 @@ def test_a_river_of_pools_and_rapids_is_no_level_water(seed: int, caplog: Any) -
         best = water.loc[shapely.area(shapely.intersection(water.geometry, outline)).argmax()]
         assert abs(best.level - known.level) < 0.1
     assert "waters at different levels meet" in caplog.text
-    (step,) = re.findall(r"largest, of ([0-9.]+) m, is at", caplog.text)
-    assert float(step) > 0.3
+    told = re.findall(r"([0-9.]+) m at [0-9.,]+, from ([0-9.]+) m down to ([0-9.]+) m", caplog.text)
+    steps = [[float(number) for number in one] for one in told]
+    assert max(height for height, _, _ in steps) > 0.3, "each step is told, with its levels"
+    assert all(abs(high - low - height) < 0.011 for height, high, low in steps)
 
 
 def test_ponds_far_from_one_another_have_no_step(caplog: Any) -> None:

@@ -153,7 +153,7 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
         "on top."
     )
     water = Vector(water.frame.assign(level_interval=0.0002))
-    exact = outputs(water=water, shoreline=water, vertices=water, detail=1.0, **numbers)
+    exact = outputs(**{**layers, "water": water}, detail=1.0, **numbers)
     assert "3.500 m, ± 0.001 m within" in exact.in_words(), "not 0.000"
     (unseen,) = made.not_looked_at()
     assert "40 of 100 m of its outline is the edge of the data" in unseen

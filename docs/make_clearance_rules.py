@@ -14,15 +14,18 @@ from typing import Any
 import pandas as pd
 
 from algorithms.corridor._clearance.coverage import (
+    AMERICAN,
+    AMERICAN_SOURCE,
     APPROACH,
     APPROACH_SOURCE,
     UNKNOWN_APPROACH,
-    UNKNOWN_SOURCE,
 )
 from algorithms.corridor._clearance.rules import (
     KINDS,
     NEXT_VOLTAGE,
     OBJECTS,
+    STUDY,
+    TITLES,
     Voltages,
     rule_set,
     shipped,
@@ -37,34 +40,68 @@ HEAD = """# Clearance rules, by set, kind and voltage
 Made from the tables in `algorithms/corridor/rules` by `docs/make_clearance_rules.py`. What the
 columns mean, and how the rules are used: [clearances](../explanation/clearance.md#rules).
 
+No table is the regulation itself: its edition in force and its national annex decide. Name a set
+(`--rules en_50341 --voltage 110`), a table of your own (`--rule_table`,
+[below](#your-own-table)), or one distance for all (`--distance 5`); the report says which it was.
+Of the default, a study, it warns that this is no regulation.
+
 A distance is in space, below a wire (v) or beside it (h), in the unit of the table; *(w)* marks a
-warning, *?* a value that was not found in a document. **A dash is no rule**: what comes near is
+warning, and an asterisk a value that was not read in a document: the engineer in charge confirms
+it, for which the report has a place to sign. **A dash is no rule**: what comes near is
 listed as "no rule" ([what near is](../explanation/clearance.md#without-a-rule)). Voltages that are
 not in the table of a set are refused. Where all distances of a kind are (v), what is beside the
 wire has no rule. Unclassified points may be a tree, a building or something else, and are held to
 the strictest of these columns.
 """
+OWN = """## Your own table
+
+A company's or a country's distances are a CSV file with these columns, a row for each distance:
+
+```text
+id,source,date,unit,kind,direction,threshold,within,severity,confirmed,note
+tree,"Grid code, 4.2",2026-01,m,tree,3-D,3.0,,critical,true,At the largest sag
+ground,"Grid code, 4.1",2026-01,m,ground,vertical,7.5,3.0,critical,true,
+```
+
+```console
+python -m toolbox run models.power_line_clearance --points line.laz --rule_table grid.csv \\
+    --deliver line12
+```
+
+`kind` is one of tree, building, other, unclassified, ground, water, rail, road, line, or any;
+`direction` 3-D, vertical or horizontal; `severity` critical, warning or watch. Further columns are
+`voltage_min` and `voltage_max`, in kV, with which `--voltage` must be given, and `per_kv`, added
+per kV. `within` and `note` may be empty or missing. `confirmed` tells if the value was read in
+the regulation. What is wrong in a table is told row by row, before the run.
+"""
 
 
 def page() -> str:
     """The page, as Markdown."""
-    return "\n".join([HEAD, *_near(), *(line for name in shipped() for line in _set(name))])
+    sets = [line for name in shipped() for line in _set(name)]
+    return "\n".join([HEAD, *_near(), *sets, OWN])
 
 
 def _near() -> Iterator[str]:
+    """What is near without a rule, in Europe and elsewhere, and with the tables of the USA."""
     yield "## Near, where there is no rule\n"
-    yield f"{APPROACH_SOURCE}; {UNKNOWN_SOURCE}.\n"
+    yield f"{APPROACH_SOURCE}:\n"
     yield "| voltage | distance |\n| --- | --- |"
-    for voltage, feet in APPROACH:
-        more = " and above" if voltage == APPROACH[-1][0] else ""
-        yield f"| to {voltage} kV{more} | {feet} ft |"
+    yield from (f"| to {voltage} kV | {metres:g} m |" for voltage, metres in APPROACH)
     yield f"| not given | {UNKNOWN_APPROACH:g} m |\n"
+    yield f"With tables in feet, and above {APPROACH[-1][0]} kV: {AMERICAN_SOURCE}:\n"
+    yield "| voltage | distance |\n| --- | --- |"
+    for voltage, feet in AMERICAN:
+        more = " and above" if voltage == AMERICAN[-1][0] else ""
+        yield f"| to {voltage} kV{more} | {feet} ft |"
+    yield ""
 
 
 def _set(name: str) -> Iterator[str]:
     """A section on a rule set: a row for each range of voltage in which the same rules hold."""
     rows = rule_set(name).frame.to_dict("records")
-    yield f"## {name}\n"
+    study = ", the risk classes of a study, which are no regulation" if name == STUDY else ""
+    yield f"## {name}\n\n{TITLES[name]}{study}.\n"
     yield f"| voltage | {' | '.join(TOLD)} |"
     yield "| --- " * (len(TOLD) + 1) + "|"
     for span in _spans(rows):
@@ -99,7 +136,7 @@ def _told(row: dict[Any, Any]) -> str:
     more = "" if pd.isna(row["per_kv"]) else f" + {row['per_kv']:g} {row['unit']}/kV"
     direction = {"3-D": "", "vertical": " v", "horizontal": " h"}[row["direction"]]
     mark = " (w)" if row["severity"] == "warning" else ""
-    doubt = "" if row["confirmed"] else " ?"
+    doubt = "" if row["confirmed"] else "\\*"
     return f"{row['threshold']:g} {row['unit']}{more}{direction}{mark}{doubt}"
 
 

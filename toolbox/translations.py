@@ -142,7 +142,8 @@ def _of_rules() -> Iterator[str]:
     for path in sorted(RULES.glob("*.csv")):
         with path.open(encoding="utf-8") as table:
             for row in csv.DictReader(table):
-                yield from (OF_ROW.sub("{1}", row[name]) for name in ("source", "note"))
+                texts = filter(None, (row["source"], row["note"]))
+                yield from (OF_ROW.sub("{1}", text) for text in texts)
 
 
 @functools.cache

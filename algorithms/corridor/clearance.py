@@ -56,10 +56,13 @@ from algorithms.corridor._clearance.rules import (
     LINE,
     NO_RULE,
     SEVERITIES,
+    STUDY,
     TITLES,
     UNSURE,
     Rule,
+    basis_of,
     grown,
+    is_american,
     reach_of,
     rule_set,
     rules_of,
@@ -152,10 +155,12 @@ class CorridorClearance:
 
     `wires` are the catenaries of corridor.extract or corridor.catenaries. Each point that is not of
     the line, and no noise, is measured from the curves of all wires near it: in space, vertically
-    and horizontally. `rules` names a table of the toolbox: thesis, nerc_fac_003, cpuc_go95,
-    en_50341, ch_lev or ekaty; a `rule_table` of your own has the same columns; `distance` is one
-    distance in space instead. Values that have not been confirmed are marked; look them up before
-    you rely on them. Kinds for which there is no rule are listed as "no rule" when they are near.
+    and horizontally. `rules` names a table of the toolbox: ch_lev, cpuc_go95, ekaty, en_50341 or
+    nerc_fac_003, after regulations, or thesis, the risk classes of a study; a `rule_table` of your
+    own has the same columns; `distance` is one distance in space instead. Whose distances hold is
+    for the owner of the line to say: of the study, the default, a warning says that it is no
+    regulation. Distances that are to be confirmed against a regulation are marked, with a place to
+    sign. Kinds for which there is no rule are listed as "no rule" when they are near.
     Points without a class may be trees, buildings or something else, and must keep the rules for
     all; those of the wires and towers are left out if they are near enough.
 
@@ -195,7 +200,7 @@ class CorridorClearance:
     )
     rules: str = param(
         "Name of a rule table of the toolbox",
-        default="thesis",
+        default=STUDY,
         label="Rule set",
         offers=shipped(),
         words=TITLES,
@@ -495,6 +500,7 @@ class CorridorClearance:
         """Measure the clearances, group the violations into objects, and report."""
         metric = self._in_metres()
         rules, conductor = metric._rules(), metric._conductor()
+        self._warn_of_study()
         if doubtful := doubt(rules):
             log.warning("%s", doubtful)
         line, temperatures, surveyed = metric._states(conductor)
@@ -552,6 +558,7 @@ class CorridorClearance:
             missing,
             AtRest(temperatures, surveyed, self.survey_current is not None, band.may_break),
             lines.frame,
+            metric._basis(),
             ctx.part(0.92, 1.0),
         )
         ctx.progress(1.0)
@@ -698,6 +705,7 @@ class CorridorClearance:
             yield "conductor", str(error)
 
     def _rules(self) -> list[Rule]:
+        american = False
         if self.distance is not None:
             rules = single(self.distance)
             why = {kind: f"distance is not for {kind}" for kind in KINDS}
@@ -705,8 +713,27 @@ class CorridorClearance:
             table = rule_set(self.rules) if self.rule_table is None else self.rule_table
             rules = rules_of(table, self.voltage)
             why = why_none(table, self.voltage)
+            american = is_american(table)
         later = grown(rules, self.growth) if self.growth else []
-        return [*rules, *later, *stand_ins(rules, why, self.voltage)]
+        return [*rules, *later, *stand_ins(rules, why, self.voltage, american=american)]
+
+    def _basis(self) -> str:
+        """What the distances required are, in a sentence; lengths of this tool are in metres."""
+        if self.distance is not None:
+            far = f"{self.distance:g} m of all objects"
+            return f"Distance required: {far}, as chosen for this run; it is no regulation."
+        if self.rule_table is not None:
+            return f"Distances required: those of the table {self.rule_table.name}."
+        return basis_of(self.rules, self.voltage)
+
+    def _warn_of_study(self) -> None:
+        """Say so where the distances are those of a study, for which no owner of a line asks."""
+        if self.rules == STUDY and self.distance is None and self.rule_table is None:
+            log.warning(
+                "the distances required are the risk classes of a study, %s, and no regulation: "
+                "choose those that the line must keep",
+                TITLES[STUDY],
+            )
 
     def _conductor(self) -> Conductor | None:
         return conductor_of(self.conductor, self.conductor_table) if self.conductor else None

@@ -36,7 +36,7 @@ class Told:
     ----------
     given : the layers that were read, by name of the source
     warnings : in the order of the run
-    words : the result in words, of each step that says it
+    words : steps that say their result in words, and what they say
     unseen : what was not looked at
     thinned : few enough points and cells of results and sources that are too large to be in
         memory, by name; they are drawn, and nothing is counted in them
@@ -46,7 +46,7 @@ class Told:
 
     given: Mapping[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
-    words: list[str] = field(default_factory=list)
+    words: list[tuple[str, str]] = field(default_factory=list)
     unseen: list[str] = field(default_factory=list)
     thinned: Mapping[str, Layer] = field(default_factory=dict)
     cells: Mapping[str, Cells] = field(default_factory=dict)
@@ -78,11 +78,11 @@ def page(
     listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}
     unit = unit_of_data(layers_of(told.given, found))
     sections = [
-        *_results(spec, found, unit),
         *_counted(spec, layers, told),
         *(in_order(plots) or _pictures(found, spec)),
         *own,
         *_charts(found, spec, unit),
+        *_results(spec, found, unit),
         *(
             section
             for name, layer in layers.items()
@@ -102,16 +102,15 @@ def said(
 ) -> tuple[str, Head]:
     """What a run says in words: its result, and the head of a report with facts and warnings.
 
-    A report among the results sums up all of them; else the steps say theirs one by one. What a
-    warning says is not said once more.
+    The result is one paragraph. A report among the results sums up all of them; else the steps say
+    theirs one by one. What a warning says is not said once more.
     """
     unit = unit_of_data(layers_of(told.given, found))
     reports = [value for value in found.values() if isinstance(value, Report)]
     summaries = [report.summary for report in reports if report.summary]
     rasters = counted.in_words(spec, _cells(found, told), told.files) if spec.between else ""
-    summary = "\n".join(filter(None, summaries or [rasters, *told.words])) or words.generic(
-        spec, found
-    )
+    texts = summaries or [rasters, *_in_order_of_results(spec, told.words)]
+    summary = "\n".join(filter(None, texts)) or words.generic(spec, found)
     unseen = [
         *_given_up(spec, found, told),
         *told.unseen,
@@ -120,7 +119,18 @@ def said(
     head = _head(facts_of(spec, found, record, told.given), told.warnings, unseen, unit)
     warned = {text.rstrip(".").casefold() for text in head.warnings}
     lines = [in_both(line, unit) for line in summary.splitlines()]
-    return "\n".join(line for line in lines if line.rstrip(".").casefold() not in warned), head
+    return " ".join(line for line in lines if line.rstrip(".").casefold() not in warned), head
+
+
+def _in_order_of_results(spec: Spec, told: Sequence[tuple[str, str]]) -> list[str]:
+    """What the steps of a model say: first those whose results are the first among its own.
+
+    Those that only prepare others come last, in the order of the run.
+    """
+    named = [name for linked in getattr(spec, "returns", {}).values() for name in linked.names]
+    steps = [name.partition(".")[0] for name in named]
+    places = {step: place for place, step in reversed(list(enumerate(steps)))}
+    return [text for _, text in sorted(told, key=lambda one: places.get(one[0], len(steps)))]
 
 
 def framed(report: Report, spec: Spec, record: Record | None, told: Told | None) -> Report:

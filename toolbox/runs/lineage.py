@@ -181,7 +181,7 @@ def telling(told: Told, inner: Runner) -> Runner:
     def run(step: str, job: Any, ctx: Context) -> Any:
         result = inner(step, job, ctx)
         words, unseen = told_by(job.spec, result)
-        told.words += words
+        told.words += [(step, text) for text in words]
         told.unseen += unseen
         return result
 

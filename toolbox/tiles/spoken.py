@@ -34,7 +34,7 @@ def tell(crew: Crew, told: Told) -> None:
     """Add what each local step says of the sums of its tiles, and which cannot say anything."""
     if crew.failures:
         return
-    words: list[str] = []
+    words: list[tuple[str, str]] = []
     silent: list[str] = []
     for name in (name for one in crew.plan.passes for name in one.local):
         spec = crew.plan.model.steps[name].spec
@@ -42,7 +42,7 @@ def tell(crew: Crew, told: Told) -> None:
         if in_words is None:
             continue
         try:
-            words.append(in_words(_Whole(crew, name)))
+            words.append((name, in_words(_Whole(crew, name))))
         except _Unknown:
             silent.append(spec.title)
     told.words = words + told.words

@@ -29,11 +29,13 @@ from algorithms.corridor._clearance.rules import (
 from algorithms.corridor._clearance.surroundings import Object, Surroundings
 from toolbox.data import Table
 
-# How near cranes and the like may come to a line: highest voltage, kV, and distance, feet.
-APPROACH = ((50, 10), (200, 15), (350, 20), (500, 25), (750, 35), (1000, 45))
-APPROACH_SOURCE = "29 CFR § 1926.1408, table A, which cranes must keep in the USA"
+# How near work, such as with cranes, may come to a line: highest voltage, kV, and distance.
+APPROACH = ((1, 1.0), (110, 3.0), (220, 4.0), (380, 5.0))  # metres
+APPROACH_SOURCE = "DIN VDE 0105-100, by DGUV Regel 114-014, section 6.7"
 UNKNOWN_APPROACH = 5.0  # metres
-UNKNOWN_SOURCE = "DIN VDE 0105-100 for an unknown voltage, by DGUV Regel 114-014"
+UNKNOWN_SOURCE = "DIN VDE 0105-100 for an unknown voltage, by DGUV Regel 114-014, section 6.7"
+AMERICAN = ((50, 10), (200, 15), (350, 20), (500, 25), (750, 35), (1000, 45))  # feet
+AMERICAN_SOURCE = "29 CFR § 1926.1408, table A, which cranes must keep in the USA"
 LARGEST_SOURCE = "the largest distance that other objects must keep"
 LEAST_SOURCE = "the least distance that other surfaces must keep"
 LINE_SOURCE = "the largest distance that lines must keep"
@@ -57,15 +59,22 @@ class Coverage:
     near: list[str]
 
 
-def approach(voltage: float | None) -> tuple[float, str]:
-    """Distance that anything should keep from a line of a voltage in kV, metres; its source."""
+def approach(voltage: float | None, *, american: bool) -> tuple[float, str]:
+    """Distance that anything should keep from a line of a voltage in kV, metres; its source.
+
+    With rules of the USA that of the USA, which also goes on where the European table ends.
+    """
     if voltage is None:
         return UNKNOWN_APPROACH, UNKNOWN_SOURCE
-    feet = next((far for highest, far in APPROACH if voltage <= highest), APPROACH[-1][1])
-    return feet * UNIT_METRES["ft"], APPROACH_SOURCE
+    if not american and voltage <= APPROACH[-1][0]:
+        return next(far for highest, far in APPROACH if voltage <= highest), APPROACH_SOURCE
+    feet = next((far for highest, far in AMERICAN if voltage <= highest), AMERICAN[-1][1])
+    return feet * UNIT_METRES["ft"], AMERICAN_SOURCE
 
 
-def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | None) -> list[Rule]:
+def stand_ins(
+    rules: Sequence[Rule], why: Mapping[str, str], voltage: float | None, *, american: bool = False
+) -> list[Rule]:
     """Rules in place of missing ones, so that nothing that comes near is passed over.
 
     A kind without a rule is near within the distance of `approach`, or within that which the rules
@@ -80,8 +89,10 @@ def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | No
     rules : that hold for the voltage
     why : for each kind, why none of them holds for it
     voltage : between two phases, kV; None if not known
+    american : whether the rules are of the USA
     """
     made = []
+    usual = approach(voltage, american=american)
     sorts = (
         (OBJECTS, max, LARGEST_SOURCE),
         (SURFACES, min, LEAST_SOURCE),
@@ -90,7 +101,7 @@ def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | No
     for sort, choose, source in sorts:
         own = {kind: [rule for rule in rules if rule.holds_for(kind)] for kind in sort}
         asked = {kind: max(r.threshold for r in held) for kind, held in own.items() if held}
-        near = max(approach(voltage), (choose(asked.values(), default=0.0), source))
+        near = max(usual, (choose(asked.values(), default=0.0), source))
         for kind in sort:
             directions = {rule.direction for rule in own[kind]}
             if kind == "unclassified":  # rules for other objects hold for it
@@ -98,7 +109,7 @@ def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | No
             if not directions:
                 made.append(_stand_in(kind, *near, why[kind]))
             elif len(directions) == 1 and directions != {"3-D"}:
-                beside = min(approach(voltage), (asked[kind], OWN_SOURCE))
+                beside = min(usual, (asked[kind], OWN_SOURCE))
                 note = BESIDE if directions == {"vertical"} else BELOW
                 made.append(_stand_in(kind, *beside, note))
     return made

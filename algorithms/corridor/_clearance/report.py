@@ -30,6 +30,7 @@ from toolbox.data import Figure, Report, Rows, Section, Table, Vector
 from toolbox.data.crs import short_unit
 from toolbox.data.report import Column, Head
 
+BROKEN = SEVERITIES[:2]  # of what is nearer than a rule allows
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
 PROFILE_BESIDE = 20.0  # metres to both sides of a span that its profile shows
 SHEET, MOST_SHEETS = 800.0, 20  # length of a sheet of the map, metres; longer if there were more
@@ -78,34 +79,49 @@ LISTED = (
     "may_be_wire",
 )
 LIST_CAPTION = (
-    "Where each object is closest. The clearance at other temperatures is that in the wind of the "
-    "survey, see there. Objects of one clump touch: a wide group of trees is listed tree by tree. "
-    "Shape of a wire: its points may be a wire that was not found"
+    "Each object stands where it is closest to a wire. The clearance at other temperatures is that "
+    "in the wind of the survey (see Temperature of the wires). Objects of one clump touch: a wide "
+    "group of trees is listed tree by tree. Where Shape of a wire says yes, the points may be a "
+    "wire that was not found"
 )
 UNSURE_CAPTION = (
-    "The point nearest to each wire. What has the class of plants, or none, and hangs in mid-air "
+    "Listed is the point nearest to each wire. What has the class of plants, or none, and hangs in "
+    "mid-air "
     "on a wire, a tower or by itself, may be a part of the line that was not recognised. It counts "
     "in no figure of what is too close: look at it. The numbers go on from those of the objects"
 )
 SPAN_CAPTION = (
-    "Least distances in space to what is near the wires in plan. Clearance: to the nearest object. "
-    "At other temperatures: see there. A bundle counts as one conductor. Wire-like points have the "
-    "shape of a wire, and are none"
+    "For each span and state of the wires: the least distances in space to what is near the wires "
+    "in plan. Clearance is that to the nearest object; at other temperatures, see Temperature of "
+    "the wires. A bundle counts as one conductor. Wire-like points have the shape of a wire, and "
+    "are none"
 )
 KIND_CAPTION = (
-    "Least distances in space to what is near the wires in plan; numbers of objects that are too "
-    "close, that reach a wire if they fall towards it and are not too close else, and that are "
-    "near and have no rule; points by their distance from the wires. Line: conductors of another "
-    "line"
+    "For each kind of object: its least distance in space from a wire, of what is near the wires "
+    "in plan; how many objects are too close, reach a wire only if they fall, or are near and have "
+    "no rule; its points by their distance from the wires; and the rules it is held to. Line means "
+    "the conductors of another line"
 )
-NO_PART_CAPTION = "No distance is measured to these"
+NO_PART_CAPTION = "No distance was measured to these points"
 ZONE_CAPTION = (
-    "Numbers of points of objects, by their distance in space from the nearest wire as surveyed; "
-    "the ground, and plants that are too low, do not count"
+    "For each span: how many points of objects lie how far, in space, from the nearest wire as "
+    "surveyed; the ground, and plants that are too low, do not count"
 )
 CROSSING_CAPTION = (
-    "Where conductors of two lines come near each other: the two states in which they are closest, "
-    "and between which values the distance lies if each line has any temperature that it may have"
+    "The table lists where conductors of two lines come near each other: the two states in which "
+    "they are closest, and between which values the distance lies if each line has any temperature "
+    "that it may have"
+)
+RULE_CAPTION = (
+    "The distances that were required. Within: of a vertical distance, how far to the side it "
+    "holds; of a horizontal one, how far above and below. No rule: what comes so near is listed"
+)
+TO_CONFIRM = (
+    "The distances marked “to be confirmed” were not read in the regulation itself. They are to be "
+    "confirmed by the engineer in charge against the regulation in force and its national annex."
+)
+TO_SIGN = (
+    "Confirmed by: ______________________  Date: ______________  Signature: ______________________"
 )
 WIRE_COLOUR, WIRE_DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
 
@@ -127,6 +143,7 @@ def report_of(
     missing: Section,
     rest: AtRest,
     crossings: pd.DataFrame,
+    basis: str,
     ctx: Context = QUIET,
 ) -> Report:
     """Report with a list of objects, a map, and tables and profiles of spans.
@@ -137,6 +154,7 @@ def report_of(
     listed, unsure : the columns of the layers of objects and of those, in the same order
     missing : on wires that may be missing
     crossings : the columns of the layer of crossings
+    basis : what the distances required are, in a sentence
     """
     across, near = _Across.of(surroundings, line), ctx.part(0.0, 0.3)
     axes = _Axes(Vector(listed).metre, short_unit(listed.crs) if listed.crs else "")
@@ -151,14 +169,15 @@ def report_of(
         Section("Points near the wires", _zone_list(spans)),
         Section("Temperature of the wires", [_rest_text(line, rest, conductor)]),
         Section("Profiles", _profiles(across, line, rules, objects, axes, ctx.part(0.3, 1.0))),
-        Section("Rules", [Rows(_rule_table(rules), columns=columns.RULES)]),
+        Section("Distances required", _required(rules, coverage)),
         Section("States of the wires", [_wires_text(line, conductor)]),
         Section("Points that take no part", _left_out(surroundings)),
     ]
     shown = [section for section in sections if section.blocks]
-    summary = _summary(surroundings, line, rules, objects, listed, coverage, spans)
-    summary += _may_break(surroundings, line, rest) if line.spans else ""
-    head = Head(unseen=_unseen(surroundings, line, coverage, missing))
+    summary = _summary(surroundings, line, rules, objects, listed, basis)
+    unseen = _unseen(surroundings, line, coverage, missing)
+    unseen += _may_break(surroundings, line, rest) if line.spans else []
+    head = Head(unseen=unseen)
     title = "Clearances of a power line"
     return Report(title, shown, summary=summary, head=head, name="clearance")
 
@@ -195,46 +214,72 @@ def _summary(
     rules: Sequence[Rule],
     objects: Sequence[Object],
     listed: pd.DataFrame,
-    coverage: Coverage,
-    spans: Table,
+    basis: str,
 ) -> str:
+    """What was found, by which rules, and what was looked at: one paragraph."""
     if not line.spans:
         return "No wire was found, so no clearance was measured."
-    counts = {word: sum(rules[o.rule].severity == word for o in objects) for word in SEVERITIES}
-    unruled, unsure = counts.pop(NO_RULE), counts.pop(UNSURE)
-    found = ", ".join(f"{count} {word}" for word, count in counts.items())
-    text = f"Spans: {len(line.spans)}. Objects too close, or to be watched: {found}."
-    text += _in_clumps(listed)
-    text += _only_moved(listed)
-    falling = sum(rules[one.rule].id == FALLING.id for one in objects)
-    if falling:
-        text += (
-            f" Of these to be watched, trees that reach a wire if they fall towards it: {falling}."
-        )
-    text += f" Objects that are near and have no rule: {unruled}." if unruled else ""
+    severities = [rules[one.rule].severity for one in objects]
+    fall = [rules[one.rule].id == FALLING.id for one in objects]
+    falling, unruled, unsure = sum(fall), severities.count(NO_RULE), severities.count(UNSURE)
+    watched = severities.count("watch") - falling
+    near = [one for one, word in zip(objects, severities, strict=True) if word in BROKEN]
+    told = [_too_near(line, rules, near), _in_clumps(listed), _only_moved(listed)]
+    told.append(f"Trees that reach a wire if they fall: {falling}." if falling else "")
+    told.append(f"Trees that will be too near when they have grown: {watched}." if watched else "")
+    told.append(f"Objects that are near and have no rule: {unruled}." if unruled else "")
+    told.append(_like_wires(listed))
     if unsure:
-        text += (
-            f" Not sure: points near {unsure} wires hang in mid-air, on the wire, a tower or by "
-            "themselves. They may be of the line, do not count as too close, and have a list of "
-            "their own: look at them."
+        told.append(
+            f"Not sure: points near {unsure} wires hang in mid-air, and may be of the line; they "
+            "are in a list of their own."
         )
-    text += _without_rule(coverage)
-    near, farther = (_as_surveyed(spans)[name].sum() for name in ZONE_COLUMNS)
-    text += f"\nPoints of objects at 0-20 m from the wires: {near}; at 20-30 m: {farther}."
+    told += [basis, _looked_at(line)]
     if not np.isfinite(surroundings.height).any():
-        text += "\nNo point is ground: heights are not known, and falling trees not looked for."
-    doubtful = doubt(rules)
-    return f"{text}\n{doubtful[0].upper()}{doubtful[1:]}." if doubtful else text
+        told.append("No point is ground: heights are not known, and falling trees not looked for.")
+    return " ".join(filter(None, told))
+
+
+def _too_near(line: LineStates, rules: Sequence[Rule], near: Sequence[Object]) -> str:
+    """How many objects break a rule, and the most urgent of them."""
+    if not near:
+        return "No object is nearer to the conductors than the rules allow."
+    words = [rules[one.rule].severity for one in near]
+    counts = ", ".join(f"{words.count(word)} {word}" for word in BROKEN if word in words)
+    worst = near[0]
+    return (
+        f"{len(near)} objects are nearer to the conductors than the rules allow ({counts}). The "
+        f"worst is {worst.measure:.2f} m from a wire of span {line.span[worst.wire]} where "
+        f"{rules[worst.rule].threshold:.2f} m are required: {worst.kind}."
+    )
+
+
+def _like_wires(listed: pd.DataFrame) -> str:
+    """How many objects may be wires that were not found."""
+    count = int(listed["may_be_wire"].sum())
+    if not count:
+        return ""
+    return f"Objects in the shape of a wire, which may be wires that were not found: {count}."
+
+
+def _looked_at(line: LineStates) -> str:
+    """Spans, their length, and the states of the wires."""
+    lengths = [
+        max(c.length for c, own in zip(line.curves[0], line.span, strict=True) if own == span)
+        for span in line.spans
+    ]
+    states = ", ".join(["as surveyed", *(_told(state) for state in line.states[1:])])
+    return f"Looked at: {len(lengths)} spans of {sum(lengths):.0f} m in all; wires: {states}."
 
 
 def doubt(rules: Sequence[Rule]) -> str:
-    """Which required distances nobody has looked up in a document; "" for none."""
+    """Which required distances nobody has read in a document; "" for none."""
     unsure = [f"{r.kind} {r.threshold:g} m" for r in rules if not r.confirmed]
     if not unsure:
         return ""
     return (
-        f"not confirmed: the distances required ({', '.join(unsure)}). They were not "
-        "found in a document; look them up in the regulation before you rely on them"
+        f"to be confirmed against the regulation in force by the engineer in charge: the distances "
+        f"required ({', '.join(unsure)})"
     )
 
 
@@ -242,7 +287,7 @@ def _in_clumps(listed: pd.DataFrame) -> str:
     """In how many clumps the objects that break a rule stand; "" where each is one of its own."""
     own = listed[~listed["severity"].isin([NO_RULE, UNSURE])]
     clumps = own["clump"].nunique()
-    return f" They stand in {clumps} clumps." if 0 < clumps < len(own) else ""
+    return f"They stand in {clumps} clumps." if 0 < clumps < len(own) else ""
 
 
 def _only_moved(listed: pd.DataFrame) -> str:
@@ -250,12 +295,7 @@ def _only_moved(listed: pd.DataFrame) -> str:
     own = listed[~listed["severity"].isin([NO_RULE, UNSURE]) & ~listed["as_surveyed"].astype(bool)]
     states = own["state"].value_counts(sort=False)
     told = ", ".join(f"{count} at {name}" for name, count in states.items())
-    return f" Not as surveyed, but only when the wires are hot or in wind: {told}." if told else ""
-
-
-def _without_rule(coverage: Coverage) -> str:
-    """Kinds that are near and have no rule, a line each."""
-    return "".join(f"\nNear a wire: {sentence}." for sentence in coverage.near)
+    return f"Not as surveyed, but only when the wires are hot or in wind: {told}." if told else ""
 
 
 def _list(listed: pd.DataFrame) -> list[Rows | str]:
@@ -342,12 +382,12 @@ def _moves(line: LineStates) -> tuple[float, float]:
     return float((sags[0] - sags[1]).max()), float((sags[2] - sags[0]).max())
 
 
-def _may_break(surroundings: Surroundings, line: LineStates, rest: AtRest) -> str:
-    """How many points may break a rule at another temperature, by kind; empty if none may."""
+def _may_break(surroundings: Surroundings, line: LineStates, rest: AtRest) -> list[str]:
+    """How many points may break a rule at another temperature, by kind; none if none may."""
     kinds = np.bincount(surroundings.kind[rest.may_break], minlength=len(KINDS))
     told = ", ".join(f"{kind} {count}" for kind, count in zip(KINDS, kinds, strict=True) if count)
     if not told:
-        return ""
+        return []
     looked, more = "in all states that were looked at", ""
     if len(line.states) == 1:
         looked = "as surveyed"
@@ -355,10 +395,10 @@ def _may_break(surroundings: Surroundings, line: LineStates, rest: AtRest) -> st
             ": to have those of hot wires listed, give the conductor and its temperature in the "
             "survey and when hot"
         )
-    return (
-        f"\nPoints that keep the rules {looked}, and may break one at another temperature of the "
-        f"wires (see there): {told}. They are in no list and no file{more}."
-    )
+    return [
+        f"Points that keep the rules {looked}, and may break one at another temperature of the "
+        f"wires: {told}. They are in no list and no file{more}."
+    ]
 
 
 def _kind_list(coverage: Coverage) -> list[Rows]:
@@ -369,6 +409,18 @@ def _span_list(spans: Table) -> list[Rows]:
     """Table of spans without what is in a table of its own."""
     table = Table(spans.frame.drop(columns=list(ZONE_COLUMNS)))
     return [Rows(table, SPAN_CAPTION, MOST_SPANS, columns.SPANS, "spans")]
+
+
+def _required(rules: Sequence[Rule], coverage: Coverage) -> list[Rows | str]:
+    """The rules, with a place to sign where one is to be confirmed.
+
+    Those in place of missing ones are told of the kinds that are near.
+    """
+    kinds = coverage.kinds.frame
+    near = set(kinds["kind"][kinds["nearest"].notna()])
+    told = [rule for rule in rules if rule.severity != NO_RULE or rule.kind in near]
+    table = Rows(_rule_table(told), RULE_CAPTION, columns=columns.RULES)
+    return [table] if all(rule.confirmed for rule in told) else [table, TO_CONFIRM, TO_SIGN]
 
 
 def _rule_table(rules: Sequence[Rule]) -> Table:
@@ -391,10 +443,10 @@ def _rule_table(rules: Sequence[Rule]) -> Table:
 
 
 def _confirmed(rule: Rule) -> str | None:
-    """Whether the value of a rule was found in a document; of no rule there is none to find."""
+    """Whether the value of a rule was read in a document; of no rule there is none to read."""
     if rule.severity in (NO_RULE, UNSURE):
         return None
-    return "yes" if rule.confirmed else "NO"
+    return "read in the source" if rule.confirmed else "to be confirmed"
 
 
 def _wires_text(line: LineStates, conductor: Conductor | None) -> str:
@@ -413,7 +465,7 @@ def _wires_text(line: LineStates, conductor: Conductor | None) -> str:
             f"{conductor.expansion * 1e6:.2f} per million and degree. Source: {conductor.source}."
         )
         if not conductor.confirmed:
-            text += " Not confirmed: look these up in the data sheet of the conductor."
+            text += " To be confirmed against the data sheet of the conductor."
     return text
 
 

@@ -26,6 +26,7 @@ TITLES = {  # of the rule sets of the toolbox, as people know them
     "nerc_fac_003": "NERC FAC-003-4",
     "thesis": "Muş (2019)",
 }
+STUDY = "thesis"  # the set that is no regulation
 RULE_COLUMNS = (
     "id",
     "source",
@@ -113,6 +114,24 @@ def unknown_set(name: str) -> str:
     if name in shipped():
         return ""
     return f"no rule set {name!r}; there are {', '.join(shipped())}{nearest(name, shipped())}"
+
+
+def is_american(table: Table) -> bool:
+    """Whether a table is one of the USA, where distances are in feet."""
+    return bool((table.frame["unit"] == "ft").any())
+
+
+def basis_of(name: str, voltage: float | None) -> str:
+    """What the distances of a rule set of the toolbox are, in a sentence."""
+    at = "" if voltage is None else f" at {voltage:g} kV"
+    if name == STUDY:
+        return (
+            f"Distances required: risk classes of a study, {TITLES[name]}; they are no regulation."
+        )
+    return (
+        f"Distances required: {TITLES[name]}{at}, as tabulated by this program; the regulation in "
+        "force and its national annex decide."
+    )
 
 
 def rule_set(name: str) -> Table:

@@ -111,7 +111,7 @@ def test_classes_of_the_file_stay_and_what_cannot_be_told_is_unclassified(
 
 def test_without_a_line_there_is_nothing_too_close(caplog: pytest.LogCaptureFixture) -> None:
     cloud = scenes.cloud(scenes.ground(60.0, 60.0, 3.0), scenes.tree(30, 0, 8, 2, 300))
-    found = toolbox.run(MODEL, {"points": cloud})
+    found = toolbox.run(MODEL, {"points": cloud, "rules": "thesis"})
     assert (found["span_count"], found["object_count"]) == (0, 0)
     assert "no power line was found" in caplog.text
 
@@ -120,7 +120,7 @@ def test_a_conductor_that_no_table_has_is_told_before_points_are_read(tmp_path: 
     bad = tmp_path / "points.las"
     bad.write_bytes(b"no points")
     with pytest.raises(ParameterError, match="no conductor 'Nosuch'"):
-        toolbox.run("models.power_line_clearance", {"points": bad, "conductor": "Nosuch"})
+        toolbox.run(MODEL, {"points": bad, "rules": "thesis", "conductor": "Nosuch"})
 
 
 def test_rules_that_want_a_voltage_say_so_before_points_are_read(tmp_path: Path) -> None:

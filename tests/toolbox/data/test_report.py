@@ -62,10 +62,10 @@ def test_rows_that_are_left_out_are_told() -> None:
 
 
 def test_an_empty_cell_of_a_printed_list_moves_no_heading() -> None:
-    """A list of facts has a heading for each cell that says something, and none for others."""
+    """A turned table has a line for each column that says something, and none for others."""
     table = Table.from_rows([{**{f"n{k}": k for k in range(10)}, "n3": "", "n4": "four"}])
     printed = render(report(Rows(table)), on_paper=True)
-    pairs = dict(re.findall(r"<dt>(.*?)</dt><dd>(.*?) </dd>", printed))
+    pairs = dict(re.findall(r'<th scope="row">(.*?)</th><td.*?>(.*?)</td>', printed))
     assert pairs["N4"] == "four"
     assert "N3" not in pairs
 
@@ -199,14 +199,18 @@ def test_columns_without_room_on_paper_follow_below_with_what_names_the_row() ->
     assert told == [f"Of {k}" for k in range(40)]
 
 
-def test_wide_tables_of_a_row_are_printed_as_a_list() -> None:
-    block = wide(1)
+@pytest.mark.parametrize("rows", [1, 2])
+def test_wide_tables_of_a_row_or_two_are_printed_with_a_line_for_each_column(rows: int) -> None:
+    """In two halves beside each other, both headed by what names the rows."""
+    block = wide(rows)
     report = Report("Line", [Section("Spans", [block])])
     paper = render(report, style=None, logo=None, on_paper=True)
-    assert "<dt>Measure 8</dt><dd>18.00 </dd>" in paper
+    cells = "".join(f'<td class="number">{18 + n}.00</td>' for n in range(rows))
+    assert f'<th scope="row">Measure 8</th>{cells}</tr>' in paper
+    assert paper.count('class="naming"><th scope="row">Span</th>') == 2
+    assert [len(half) for half in block.turned] == [7, 6]
     assert 'class="across"' not in paper
-    assert "<table" not in paper
-    assert "<table" in report.html()
+    assert '<table class="turned">' not in report.html()
 
 
 def test_paper_shows_as_many_rows_as_the_page() -> None:

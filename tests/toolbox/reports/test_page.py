@@ -262,5 +262,13 @@ def test_what_a_warning_says_is_not_said_again_in_the_result() -> None:
     report = Report("Line", [], summary="Spans: 2.\nNear a wire: tree 0.22 m.\nPoints: 5.")
     told = Told(warnings=["near a wire: tree 0.22 m"])
     summary, head = said(spec, {"report": report}, None, told)
-    assert summary == "Spans: 2.\nPoints: 5."
+    assert summary == "Spans: 2. Points: 5."
     assert list(head.warnings) == ["near a wire: tree 0.22 m"]
+
+
+def test_the_finding_stands_before_what_was_processed() -> None:
+    """Steps whose results are the first of a model speak first; those that prepare come last."""
+    spec = catalog.load("models.facade")
+    told = Told(words=[("planes", "9 planes."), ("none", "Prepared."), ("gaps", "Openings: 4.")])
+    summary, _ = said(spec, {}, None, told)
+    assert summary == "Openings: 4. 9 planes. Prepared."

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from toolbox import language
 from toolbox.data.measures import VALUE, row_digits, unit_column
@@ -33,7 +33,7 @@ _SMALLEST, _LARGEST = 6.0, 7.5  # points: as small as is read in print, and that
 _NAMING = 1  # column that says which row it is, and is shown also where all rows are alike
 _MOST_NAMING = 3  # columns that are printed once more beside those that have no room next to them
 _NAMED = ("measure", "meaning")  # columns that hold names of measures
-_FEW_FACTS = 2  # rows of a wide table that are printed one after the other, as lists of facts
+_FEW_TURNED = 2  # rows of a wide table that are printed as columns, with a line for each heading
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class Rows:
     @cached_property
     def alike(self) -> list[int]:
         """The columns of a wide table in which all rows say the same: it is said once, above."""
-        if not self.is_wide or len(self.cells) <= _FEW_FACTS:
+        if not self.is_wide or len(self.cells) <= _FEW_TURNED:
             return []
         columns = list(zip(*self.cells, strict=True))
         return [k for k in range(_NAMING, len(columns)) if len(set(columns[k])) == 1]
@@ -201,7 +201,7 @@ class Rows:
         Columns for which a page across has no room follow below, beside those that say which row
         it is; no table is much wider than another.
         """
-        if not paper or not self.is_wide or self.is_list or self._whole.fits(_ACROSS):
+        if not paper or not self.is_wide or self.is_turned or self._whole.fits(_ACROSS):
             return [self._whole]
         cuts = [list(self._cut(_ACROSS * share)) for share in _NARROWER]
         return [cut for cut in cuts if len(cut) == len(cuts[0])][-1]
@@ -232,15 +232,35 @@ class Rows:
         yield piece
 
     @property
-    def is_list(self) -> bool:
-        """Whether it is printed as lists of facts: many columns of a row or two."""
-        return self.is_wide and 0 < len(self.cells) <= _FEW_FACTS
+    def is_turned(self) -> bool:
+        """Whether it is printed with a line for each column: many columns of a row or two."""
+        return self.is_wide and 0 < len(self.cells) <= _FEW_TURNED
+
+    @property
+    def turned(self) -> list[list[Line]]:
+        """Its columns as lines, in two halves beside each other; what names the rows heads both.
+
+        Columns that are empty in all rows are left out.
+        """
+        texts = [[row[k] for row in self.cells] for k in range(len(self.headings))]
+        lines = [Line(*how, cells) for how, cells in zip(self.headings, texts, strict=True)]
+        naming, *others = (line for line in lines if any(line.cells))
+        half = -(-len(others) // 2)
+        return [[naming, *others[:half]], [naming, *others[half:]]]
 
     def is_across(self, *, paper: bool) -> bool:
         """Whether it is printed on a page across; a browser prints all columns in one table."""
         if not paper or not self.is_wide:
             return self.is_wide
-        return not self.is_list and not self._whole.fits(_UPRIGHT)
+        return not self.is_turned and not self._whole.fits(_UPRIGHT)
+
+
+class Line(NamedTuple):
+    """A column of a table that is printed as a line: how it is shown, if it is numbers, texts."""
+
+    column: Column
+    is_number: bool
+    cells: list[str]
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,9 @@ from toolbox.reports.units import unit_of_data
 if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
-_ALWAYS = ("cell", "interval", "rules", "voltage")  # settings that are told also at their defaults
+_ALWAYS = ("cell", "interval", "height_error", "rules", "voltage")
+"""Settings that are told also at their defaults."""
+
 _INSTEAD = {"rules": "distance"}  # a setting that is not used where another one is given
 _MOST_FILES = 4  # that are named
 

@@ -109,7 +109,10 @@ def said(
     reports = [value for value in found.values() if isinstance(value, Report)]
     summaries = [report.summary for report in reports if report.summary]
     rasters = counted.in_words(spec, _cells(found, told), told.files) if spec.between else ""
-    texts = summaries or [rasters, *_in_order_of_results(spec, told.words)]
+    steps = _in_order_of_results(spec, told.words)
+    first = next(iter(spec.outputs.values()), None)  # of terrain models a raster, of lakes a curve
+    own = [rasters, *steps] if first and first.kind.is_gridded else [*steps, rasters]
+    texts = summaries or own
     summary = "\n".join(filter(None, texts)) or words.generic(spec, found)
     unseen = [
         *_given_up(spec, found, told),

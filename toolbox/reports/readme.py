@@ -22,7 +22,8 @@ _OPENS = {
     ".html": "a browser; it needs no network",
     ".pdf": "a reader of PDF",
     ".gpkg": "QGIS, which draws it in the colours of the report, ArcGIS and other GIS",
-    ".shp": "any GIS; the files .shx, .dbf, .prj and .cpg belong to it",
+    ".shp": "any GIS; the files .shx, .dbf, .prj and .cpg belong to it, and .fields.csv, where "
+    "there is one, has the names of columns that are cut to 10 letters",
     ".tif": "a GIS; cloud-optimised GeoTIFF",
     ".kmz": "Google Earth and GIS",
     ".kml": "Google Earth and GIS",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import toolbox
 from algorithms.samples.scene import SamplesScene
 from algorithms.shared.polygons import cells_within
 from toolbox.cli.main import main
-from toolbox.data import Lattice, PointCloud, Raster
+from toolbox.data import Lattice, PointCloud, Raster, Vector
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +74,25 @@ def test_the_curve_begins_with_the_lake_whatever_the_order_of_the_points(lake: P
     values = {"points": lake.select(order), "highest": 506.0}
     again = toolbox.run("models.reservoir_storage", values)["curve"].frame
     np.testing.assert_allclose(again["volume_m3"], frame["volume_m3"], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_set_tells_the_error_of_heights_and_shows_other_waters(tmp_path: Path) -> None:
+    """Other waters were told in words alone, and a level seemed to be known to a millimetre."""
+    out = tmp_path / "out"
+    made = SamplesScene(kind="reservoir", size=160.0, density=2.0, seed=1).run()
+    found = toolbox.run("models.reservoir_storage", {"points": made.points, "deliver": out})
+    text = " ".join((out / "README.txt").read_text().split())
+    assert "Common error of heights 0.05 m" in text
+    assert text.partition("Result ------ - ")[2].startswith("At a level of")
+    assert f"is known to ± {found['level_uncertainty']:.3f} m (95 %)" in text
+    assert found["level_uncertainty"] > 0.0979 > found["level_interval"]
+    assert ".fields.csv" in text
+    assert len(Vector.open(out / "water.gpkg", layer="other_waters").frame) >= 1
+    page = (out / "report.html").read_text()
+    data = page.partition('type="application/json">')[2].partition("</script>")[0]
+    (others,) = (one for one in json.loads(data)["layers"] if one["name"] == "Other waters")
+    assert all(group["thin"] and group["shape"] == "line" for group in others["groups"])
 
 
 def test_a_survey_without_a_lake_is_an_error_and_writes_nothing(

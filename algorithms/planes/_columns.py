@@ -50,7 +50,19 @@ OPENINGS = {
     "set_back": Column("Set back", "unit", 2),
     "seen": Column("Points behind"),
     "edge_seen": Column("Edge seen", "%", 0, 100.0),
-    "hidden": Column("Sides not seen"),
+    "edge_interval": Column(
+        "Edges ± (95 %)", "unit", 2, meaning="Of the least sure of the sides that were seen"
+    ),
+    "unsure": Column(
+        "Unsure sides", meaning="Sides that were seen, at which the points of the wall end unevenly"
+    ),
+    "hidden": Column(
+        "Sides not seen", meaning="They may be elsewhere, and count in no interval of the edges"
+    ),
+    **{
+        f"{side}_interval": Column("", "unit", meaning=f"Uncertainty of the {side} side (95 %)")
+        for side in ("left", "bottom", "right", "top")
+    },
     "rectangle": Column("Rectangle"),
     "found_by": Column("Found by"),
     "certainty": Column("Certainty", "%", 0, 100.0),
@@ -87,9 +99,10 @@ SCHEDULE = {
     "width_mm": Column("Width", "mm", 0),
     "height_mm": Column("Height", "mm", 0),
     "sill_mm": Column("Sill above the foot of the wall below it", "mm", 0),
-    "edge_mm": Column("No edge is surer than", "mm", 0),
-    "set_back_mm": Column("Set back", "mm", 0),
+    "edge_mm": Column("Edges ± (95 %)", "mm", 0, meaning=OPENINGS["edge_interval"].meaning),
+    "unsure": OPENINGS["unsure"],
     "hidden": OPENINGS["hidden"],
+    "set_back_mm": Column("Set back", "mm", 0),
     "certainty": OPENINGS["certainty"],
 }
 AREAS = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ MIDDLE = 0.8  # share of a side along which its edge is looked for, away from th
 EDGE = 0.95  # share of the rows of points that end before the edge
 FEWEST_ROWS = 5
 ROWS = 0.5  # share of the rows beside an edge that reach it, if it is one of the wall
+SHARP = 0.6  # 95 % interval of an edge at which rows end evenly, over the distance of neighbours
+UNEVEN = 1.0  # distance of the ends of half of the rows from an edge that is unsure, over the same
 AROUND = 2.0  # squares around a region within which the wall begins
 HOLE = 2.5  # radius of a hole of the wall over the distance of neighbours: 20 points are missing
 NEAR_EDGE = 5.0  # distance of an edge from that of its squares, over that of neighbours, at most
@@ -49,6 +52,9 @@ COLUMNS = (
     "seen",
     "edge_seen",
     "hidden",
+    *(f"{side}_interval" for side in SIDES),
+    "edge_interval",
+    "unsure",
     "rectangle",
     "found_by",
     "certainty",
@@ -57,6 +63,7 @@ COLUMNS = (
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+Intervals = tuple[float, ...]
 
 
 class Opening(NamedTuple):
@@ -72,6 +79,9 @@ class Opening(NamedTuple):
     found_by : what tells that it is one
     certainty : from 0 to 1
     niche : whether it may be a blind niche
+    intervals : half of the 95 % intervals of its left, lower, right and upper end; NaN of a side
+        that was not seen
+    unsure : names of the sides at which the rows of points on the wall end unevenly
     """
 
     shape: Any
@@ -82,6 +92,8 @@ class Opening(NamedTuple):
     found_by: str
     certainty: float
     niche: bool = False
+    intervals: Intervals = (math.nan,) * 4
+    unsure: str = ""
 
     def row(self, front: Relief, metre: float) -> dict[str, Any]:
         """Its attributes; lengths in the unit of the data."""
@@ -99,6 +111,9 @@ class Opening(NamedTuple):
             "seen": self.seen,
             "edge_seen": self.edge_seen,
             "hidden": self.hidden,
+            **{f"{s}_interval": x for s, x in zip(SIDES, self.intervals, strict=True)},
+            "edge_interval": max(filter(math.isfinite, self.intervals), default=math.nan),
+            "unsure": self.unsure,
             "rectangle": len(shapely.get_coordinates(self.shape)) == 5,
             "found_by": self.found_by,
             "certainty": self.certainty * (OF_TWO if kind == EITHER else 1.0),
@@ -209,6 +224,7 @@ def openings(
             dropped.append(gap._replace(dropped=BLIND))
             continue
         one = _described(gap, shape, inside, front, shades, recess)
+        one = _with_intervals(one, uv, front)
         sure = one.certainty * (OF_TWO if unlike <= ALIKE else 1.0)
         found.append(one._replace(certainty=sure, niche=unlike <= ALIKE))
     ctx.progress(1.0)
@@ -387,31 +403,65 @@ def _rectangle(box: tuple[float, ...], uv: Floats, apart: float) -> Any:
     uv : array of shape (n, 2), points of the wall
     """
     sides: list[float] = list(box)
+    for side, sign, ends in _row_ends(box, uv, apart):
+        low, high = box[1 - side % 2], box[3 - side % 2]
+        if len(ends) >= max(FEWEST_ROWS, ROWS * MIDDLE * (high - low) / (2 * apart)):
+            sides[side] = sign * float(np.quantile(ends, EDGE))
+    if sides[0] >= sides[2] or sides[1] >= sides[3]:
+        return None
+    return shapely.box(sides[0], sides[1], sides[2], sides[3])
+
+
+def _row_ends(
+    box: tuple[float, ...], uv: Floats, apart: float
+) -> Iterator[tuple[int, float, Floats]]:
+    """Where the rows of points of the wall end at the sides of a rectangle.
+
+    Yields
+    ------
+    side : its place in SIDES
+    sign : by which coordinates are multiplied, so that they rise towards the rectangle
+    ends : array of shape (rows,), the last such coordinate of each row near the side
+    """
     for axis in (0, 1):
         low, high = box[1 - axis], box[3 - axis]
         rim = (1 - MIDDLE) / 2 * (high - low)
         along = (uv[:, 1 - axis] > low + rim) & (uv[:, 1 - axis] < high - rim)
         near = uv[along]
         row = np.floor(near[:, 1 - axis] / (2 * apart)).astype(np.int64)
-        fewest = max(FEWEST_ROWS, ROWS * MIDDLE * (high - low) / (2 * apart))
-        for end, sign in ((axis, 1.0), (2 + axis, -1.0)):
-            close = np.abs(near[:, axis] - box[end]) < NEAR_EDGE * apart
-            edge = _edge(sign * near[close, axis], row[close], fewest)
-            if edge is not None:
-                sides[end] = sign * edge
-    if sides[0] >= sides[2] or sides[1] >= sides[3]:
-        return None
-    return shapely.box(sides[0], sides[1], sides[2], sides[3])
+        for side, sign in ((axis, 1.0), (2 + axis, -1.0)):
+            close = np.abs(near[:, axis] - box[side]) < NEAR_EDGE * apart
+            rows, number = np.unique(row[close], return_inverse=True)
+            ends = np.full(len(rows), -np.inf)
+            np.maximum.at(ends, number, sign * near[close, axis])
+            yield side, sign, ends
 
 
-def _edge(ends: Floats, row: Ints, fewest: float) -> float | None:
-    """The position of an edge, beyond which 5 % of the rows of points reach; None for few rows."""
-    rows, number = np.unique(row, return_inverse=True)
-    if len(rows) < fewest:
-        return None
-    last = np.full(len(rows), -np.inf)
-    np.maximum.at(last, number, ends)
-    return float(np.quantile(last, EDGE))
+def _with_intervals(one: Opening, uv: Floats, front: Relief) -> Opening:
+    """The opening with the 95 % intervals of its sides, and the names of those that are unsure.
+
+    An edge is as sure as the points are near each other, where the rows of points on the wall end
+    at it evenly; else it may be as far away as the ends of half of the rows, or of the last ones.
+    Rows that are not there end farther away than is looked at.
+
+    Parameters
+    ----------
+    uv : array of shape (n, 2), points of the wall
+    """
+    hidden, box, apart = one.hidden.split(", "), one.shape.bounds, front.apart
+    intervals, unsure = [math.nan] * 4, []
+    for side, sign, ends in sorted(_row_ends(box, uv, apart), key=lambda found: found[0]):
+        if SIDES[side] in hidden:
+            continue
+        all_rows = MIDDLE * (box[3 - side % 2] - box[1 - side % 2]) / (2 * apart)
+        lost = np.full(max(math.ceil(all_rows) - len(ends), 0), -NEAR_EDGE * apart)
+        off = abs(float(np.median([*(ends - sign * box[side]), *lost])))
+        if len(ends):
+            off = max(off, abs(float(np.quantile(ends, EDGE)) - sign * box[side]))
+        intervals[side] = SHARP * apart + off
+        if off > UNEVEN * apart:
+            unsure.append(SIDES[side])
+    return one._replace(intervals=tuple(intervals), unsure=", ".join(unsure))
 
 
 def marked(

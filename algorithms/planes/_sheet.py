@@ -113,10 +113,10 @@ class Sheet:
                     self._add(name, piece)
 
     def _opening(self, one: Any) -> None:
-        """Draw an opening; sides of a rectangle that were not seen are broken lines."""
+        """Draw an opening; unsure sides of a rectangle are broken lines."""
         corners = np.array(one.geometry.exterior.coords)
-        hidden = _unseen_sides(one) if len(corners) == 5 else set()
-        self.starred |= bool(_unseen_sides(one))
+        hidden = unsure_sides(one) if len(corners) == 5 else set()
+        self.starred |= bool(unsure_sides(one))
         if not hidden:
             self._add("openings", shapely.LineString(corners))
             return
@@ -135,7 +135,7 @@ class Sheet:
         """Write into each opening its number, and the heights of sill and head above a zero."""
         labels, size = Labels(lines), SMALL * self.size
         for one, (left, bottom, right, top) in zip(openings.itertuples(), boxes, strict=True):
-            text = f"{one.opening_id}{'*' if _unseen_sides(one) else ''}"
+            text = f"{one.opening_id}{'*' if unsure_sides(one) else ''}"
             x, y = (left + right) / 2, (bottom + top) / 2
             inner = shapely.maximum_inscribed_circle(one.geometry).coords[0]
             aside = (LETTER * len(text) / 2 + 0.5) * self.size
@@ -277,10 +277,10 @@ class Sheet:
         return Vector(frame, name="drawing", geometry_type="Unknown")
 
 
-def _unseen_sides(opening: Any) -> set[str]:
-    """Sides of an opening that were not seen; no door has wall below it."""
-    hidden = getattr(opening, "hidden", None)
-    sides = set(hidden.split(", ")) if isinstance(hidden, str) and hidden else set()
+def unsure_sides(opening: Any) -> set[str]:
+    """Sides of an opening that are unsure or were not seen; no door has wall below it."""
+    said = (getattr(opening, name, None) for name in ("unsure", "hidden"))
+    sides = {side for text in said if isinstance(text, str) and text for side in text.split(", ")}
     return sides - ({"bottom"} if opening.kind == "door" else set())
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 import shapely
 
 from algorithms.planes import _columns as columns
-from algorithms.planes._sheet import PENS, Sheet, rounded
+from algorithms.planes._sheet import PENS, SIDES, Sheet, rounded, unsure_sides
 from toolbox.context import QUIET, Context
 from toolbox.data import Drawing, Table, Vector
 from toolbox.data.plan import Plan
@@ -51,9 +51,9 @@ class PlanesDrawing:
     Write it as .dxf: a layer each for walls, openings, dimensions, numbers and the title block, in
     metres or millimetres as asked. Parts of a front without points of its wall are crossed out on a
     layer of their own, `unseen`; `door?` stands in those that are as large as a door and as low. A
-    star at the number of an opening tells that some of its sides were not seen and may be
-    elsewhere: they are broken lines on the layer `data_edge`, as is the outline along a part that
-    was not seen, where it is no edge of the wall, but of the data.
+    star at the number of an opening tells that some of its sides are unsure, or were not seen and
+    may be elsewhere: they are broken lines on the layer `data_edge`, as is the outline along a part
+    that was not seen, where it is no edge of the wall, but of the data.
 
     Below each front stand, row by row, the widths of the openings and the piers between them, with
     the numbers of the openings at its left, and its whole length; to the left sills and heads of
@@ -64,13 +64,13 @@ class PlanesDrawing:
     a DXF all dimensions are entities that can be changed.
 
     The title block, in the lower right corner of the frame, has project, client and date of the set
-    that the drawing is handed over with; the notes beside it say how far apart the points are.
+    that the drawing is handed over with; the notes beside it say how sure the edges are.
     `plan` is the same on a sheet, to scale: the largest from 1:10 to 1:50 at which it fits A3, or
     A2 for 1:50, else 1:100 on as large a sheet as it needs, on A4 where that is enough. Labels are
     2.5 mm high there, unless `text_height` is given.
 
     The table lists the openings with place, width, height and sill in millimetres, front by front,
-    with the figures of the drawing, and how sure an edge can be: as the points are apart. Of each
+    with the figures of the drawing, and how sure the edges of each are. Of each
     front `areas` has the area within its outline, and what of it is openings, wall and not seen.
     """
 
@@ -182,17 +182,28 @@ class PlanesDrawing:
             ),
             ("Source", "points of a laser scan"),
         ]
-        apart = float(walls["spacing"].max()) if "spacing" in walls else math.nan
-        if math.isfinite(apart):
-            shown = f"{apart / sheet.metre * sheet.shown:.{0 if unit == 'mm' else 2}f} {unit}"
-            said.append(("Accuracy", f"points {shown} apart: no edge is surer than that"))
+        half = self._sure()
+        if math.isfinite(half):
+            shown = f"{half / sheet.metre * sheet.shown:.{0 if unit == 'mm' else 2}f} {unit}"
+            star = "; * see the schedule" if sheet.starred else ""
+            said.append(("Accuracy", f"edges of openings ± {shown} (95 %){star}"))
         if columns.UNSEEN in there:
             said.append(("Crossed", "no point of the wall was seen there; openings may be hidden"))
         if columns.DATA_EDGE in there:
             said.append(("Broken", "not seen: end of the data, or a side that may be elsewhere"))
         if sheet.starred:
-            said.append(("*", "some sides were not seen and may be elsewhere: see the schedule"))
+            said.append(("*", "some sides are unsure, or were not seen and may be elsewhere"))
         return said
+
+    def _sure(self) -> float:
+        """The largest uncertainty of the sides without a star, in the unit of the elevation."""
+        found = _openings(self.elevation.frame)
+        known = [
+            float(getattr(one, f"{side}_interval", math.nan))
+            for one in found.itertuples()
+            for side in SIDES.keys() - unsure_sides(one)
+        ]
+        return float(np.nanmax(known)) if np.isfinite(known).any() else math.nan
 
 
 def _openings(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:
@@ -222,15 +233,15 @@ def schedule(frame: geopandas.GeoDataFrame, step: float, metre: float) -> Table:
             "sill_mm": (sill / metre * MILLIMETRES).round().astype("int64"),
         }
     )
-    if "spacing" in frame:
-        apart = frame[frame["kind"] == "facade"].set_index("front_id")["spacing"]
-        edge = found["front_id"].map(apart) / metre * MILLIMETRES
+    if "edge_interval" in found:  # not known of an opening without a side that was seen
+        edge = found["edge_interval"].astype(float) / metre * MILLIMETRES
         rows["edge_mm"] = edge.round().astype("Int64")
+    for name in ("unsure", "hidden"):
+        if name in found:
+            rows[name] = found[name]
     if "set_back" in found:  # not known where nothing was seen in an opening
         back = found["set_back"].astype(float) / metre * MILLIMETRES
         rows["set_back_mm"] = back.round().astype("Int64")
-    if "hidden" in found:
-        rows["hidden"] = found["hidden"]
     if "certainty" in found:
         rows["certainty"] = found["certainty"].astype(float).round(SHOWN_DIGITS)
     return Table(rows)

@@ -14,7 +14,7 @@ from pyproj import CRS
 from scenes.fronts import elevation
 
 from algorithms.planes._labels import box_of
-from algorithms.planes._sheet import rows_of
+from algorithms.planes._sheet import SIDES, rows_of
 from algorithms.planes.drawing import PlanesDrawing
 from toolbox import language
 from toolbox.data import Vector
@@ -255,12 +255,26 @@ def test_every_row_of_openings_has_its_dimensions() -> None:
     assert [row.tolist() for row in rows_of(boxes)] == [[0, 1], [2, 3], [4]]
 
 
-def test_the_title_block_says_how_far_apart_the_points_are() -> None:
-    layer = elevation()
-    layer = Vector(layer.frame.assign(spacing=[0.052, *[np.nan] * 3]), name="elevation")
-    for unit, says in (("m", "0.05 m"), ("mm", "52 mm")):
-        frame = PlanesDrawing(elevation=layer, unit=unit).run().drawing.frame  # type: ignore[arg-type]
-        assert texts(frame, "title")[-1] == f"points {says} apart: no edge is surer than that"
+def with_intervals(frame: geopandas.GeoDataFrame, metre: float = 1.0) -> geopandas.GeoDataFrame:
+    """The openings with sides known to 21 mm, and the right side of the second to 300 mm."""
+    sides = {f"{side}_interval": [None, *[0.021 * metre] * 3] for side in SIDES}
+    frame = frame.assign(**sides, unsure=[None, "", "right", ""])
+    frame["edge_interval"] = [None, 0.021 * metre, 0.3 * metre, 0.021 * metre]
+    frame.loc[2, "right_interval"] = 0.3 * metre
+    return frame
+
+
+def test_the_title_block_says_how_sure_the_edges_without_a_star_are() -> None:
+    layer = Vector(with_intervals(elevation().frame), name="elevation")
+    for unit, says in (("m", "0.02 m"), ("mm", "21 mm")):
+        out = PlanesDrawing(elevation=layer, unit=unit).run()  # type: ignore[arg-type]
+        told = texts(out.drawing.frame, "title")
+        assert f"edges of openings ± {says} (95 %); * see the schedule" in told
+        assert texts(out.drawing.frame, "numbers")[:3] == ["1", "2*", "3"]
+        assert [row["edge_mm"] for row in out.schedule.rows()] == [21, 300, 21]
+        assert [row["unsure"] for row in out.schedule.rows()] == ["", "right", ""]
+    broken = out.drawing.frame.query("layer == 'data_edge'").geometry
+    assert len(broken) == 1
 
 
 def test_what_was_not_seen_is_crossed_out() -> None:
@@ -281,16 +295,15 @@ def test_what_was_not_seen_is_crossed_out() -> None:
     assert texts(drawn, "numbers")[:3] == ["1", "2", "3*"]
     crossed = "no point of the wall was seen there; openings may be hidden"
     assert crossed in texts(drawn, "title")
-    assert any(text.startswith("some sides were not seen") for text in texts(drawn, "title"))
+    assert any(text.startswith("some sides are unsure, or were") for text in texts(drawn, "title"))
     assert out.schedule.rows()[-1]["opening_id"] == 3
     assert texts(drawn, "dimensions")[:5] == ["1.00", "1.00", "2.00", "1.50", "4.50"]
 
 
-def test_areas_add_up_and_edges_are_no_surer_than_points_are_apart() -> None:
+def test_areas_add_up() -> None:
     """A part that was not seen counts once, also where it lies on an opening."""
     for crs, metre in (("local", 1.0), ("local:mm", 1000.0)):
-        frame = elevation(crs, metre).frame
-        frame["spacing"] = [0.052 * metre, *[np.nan] * 3]
+        frame = with_intervals(elevation(crs, metre).frame, metre)
         bare = geopandas.GeoDataFrame(
             {"kind": ["unseen"], "front_id": [1], "opening_id": [0]},
             geometry=[shapely.box(5, 1, 6.5, 2.5)],
@@ -307,7 +320,7 @@ def test_areas_add_up_and_edges_are_no_surer_than_points_are_apart() -> None:
             "wall_m2": 52.65,
             "unseen_m2": 1.5,
         }
-        assert [row["edge_mm"] for row in out.schedule.rows()] == [52] * 3
+        assert [row["edge_mm"] for row in out.schedule.rows()] == [21, 300, 21]
 
 
 def test_millimetres() -> None:

@@ -17,7 +17,7 @@ from pyproj import CRS
 
 from algorithms.planes._fronts import outside
 from algorithms.planes._gaps import _squares
-from algorithms.planes._openings import EITHER, Opening, kind_of
+from algorithms.planes._openings import EITHER, SIDES, Opening, kind_of
 from algorithms.planes._relief import _held, _holes, _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
@@ -555,6 +555,33 @@ def test_panes_that_the_plane_of_the_wall_holds_stand_back_all_the_same() -> Non
     assert out.count == 4
     np.testing.assert_allclose(out.openings.frame.width, 1.2, atol=0.07)
     np.testing.assert_allclose(out.openings.frame.height, 1.5, atol=0.07)
+
+
+def test_sides_are_as_sure_as_their_points_and_uneven_ones_are_named() -> None:
+    """Four windows; at the right side of the first, most rows of the wall end 0.1 m farther away.
+
+    The seed was not used to choose the interval.
+    """
+    rng = np.random.default_rng(11)
+    boxes = [(left, 1.0, left + 1.2, 2.5) for left in (1.0, 3.5, 6.0, 8.5)]
+    u, v = rng.random((2, 40_000)) * [[11], [4]]
+    pane = np.any([(u > a) & (u < c) & (v > b) & (v < d) for a, b, c, d in boxes], axis=0)
+    lost = (u > 2.2) & (u < 2.3) & (v > 1) & (v < 1.85)
+    depth = np.where(pane, 0.15, 0.0) + rng.normal(0, 0.003, len(u))
+    wall = np.column_stack([u, depth, v])[~lost]
+    ground = np.column_stack([*(rng.random((2, 5_000)) * [[11], [-8]]), np.zeros(5_000)])
+    ids = np.append(np.where(wall[:, 1] < 0.07, 1, 0), np.full(len(ground), 2)).astype(np.int32)
+    out = found(PointCloud(np.vstack([wall, ground]) + FAR, {"plane_id": ids}, crs=UTM))
+    frame = out.openings.frame.sort_values("opening_id")
+    assert out.count == 4
+    assert frame.unsure.tolist() == ["right", "", "", ""]
+    assert frame.right_interval.iloc[0] > 0.1
+    sure = frame[[f"{side}_interval" for side in SIDES]].iloc[1:].to_numpy(float)
+    assert ((sure > 0.01) & (sure < 0.05)).all()
+    corners = [shapely.get_coordinates(s, include_z=True) - FAR for s in frame.geometry.iloc[1:]]
+    ends = np.array([[*one[:, [0, 2]].min(axis=0), *one[:, [0, 2]].max(axis=0)] for one in corners])
+    assert (np.abs(ends - np.array(boxes[1:])) <= sure).mean() >= 0.9
+    assert "Of 16 sides 1 are unsure and 0 were not seen" in out.in_words()
 
 
 @pytest.mark.slow

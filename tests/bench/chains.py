@@ -84,9 +84,9 @@ def state(name):
             int(said["VmHWM"].split()[0]) / 1024, int(said["wchar"]) / 1e6]
 
 marks = [["start", 0.0, time.perf_counter(), 0.0, 0.0]]
-from toolbox.allocation import keep_memory
-keep_memory()
-import toolbox, toolbox.execute
+import toolbox.__main__  # which says how many threads linear algebra has
+toolbox.__main__.keep_memory()
+import toolbox.execute
 from toolbox.context import Context
 from toolbox.runs import lineage
 

@@ -443,8 +443,7 @@ class PointCloud(Layer):
         cloud._size = len(index)
         # Of records and rows, take() is far faster than an index in brackets.
         cloud._packed = None if self._packed is None else frozen(self._packed.take(index))
-        keeps = self._moved or self._packed is None
-        cloud._xyz = frozen(self.xyz.take(index, axis=0)) if keeps else None
+        cloud._xyz = None if self._xyz is None else frozen(self._xyz.take(index, axis=0))
         cloud._columns = {name: frozen(values[index]) for name, values in self._columns.items()}
         cloud._origin = None if self._origin is None else frozen(self._origin[index])
         cloud._file = None if self._file is None else frozen(self._file[index])

@@ -8,6 +8,7 @@ from pyproj import CRS
 
 from toolbox.data import PointCloud
 from toolbox.data.crs import parse_crs
+from toolbox.data.las import points as las_points
 from toolbox.errors import DataError
 
 
@@ -67,6 +68,17 @@ def test_selecting(any_cloud: PointCloud, moved: bool) -> None:
     assert np.array_equal(by_index.xyz, cloud.xyz[[3, 0, 3]])
     assert len(cloud.select([])) == len(cloud.select(np.zeros(4, bool))) == 0
     assert len(cloud) == 4
+
+
+def test_a_selection_takes_coordinates_that_are_known(
+    any_cloud: PointCloud, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    some = any_cloud.select([3, 0])
+    computed, box = some.xyz.tobytes(), any_cloud.select([3, 0]).bounds
+    _ = any_cloud.xyz
+    monkeypatch.setattr(las_points, "coordinates", None)
+    assert any_cloud.select([3, 0]).xyz.tobytes() == computed
+    assert any_cloud.select([3, 0]).bounds == box
 
 
 @pytest.mark.parametrize("which", [[True, False], [1.0, 2.0], ["a"]])

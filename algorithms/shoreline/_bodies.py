@@ -430,11 +430,10 @@ class Pour:
 
     def _note(self, starts: Ints, level: float, tilt: Tilt) -> None:
         """Keep a place that water runs off from, if it is large and nearly all of it is level."""
-        large = LARGE * self.cells.metre**2 / self.cells.area
-        if tilt != LEVEL or len(starts) < large:
+        if tilt != LEVEL:
             return
-        whole = _largest(self.cells.lattice, starts)
-        if len(whole) >= large:
+        large = LARGE * self.cells.metre**2 / self.cells.area
+        for whole in connected(self.cells.lattice, starts, large):
             judged, _ = judge(self.cells, whole, level, LEVEL, self._shore(whole))
             if judged and "level" in judged.evidence:
                 self.ran_off.append(judged)
@@ -517,9 +516,7 @@ class Pour:
         """Whether most of what a body grew to is not what it was found by: few returns, or dark."""
         if not (body.few or body.dark >= DARK):
             return False
-        shore = self._shore(grown)
-        lost, dark = _lost(self.cells, grown, shore), _darkness(self.cells, grown, shore)
-        return lost > SPARSE and dark < DARK
+        return not looks_like_water(self.cells, grown, self._shore(grown))
 
     def _enclosed(self, body: Ints, height: float, tilt: Tilt) -> Ints:
         """A body with the cells up to a height that nothing but the body is beside."""
@@ -748,8 +745,10 @@ def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
             heights = cells.middle.ravel()[rest]
             level = mode(heights, step / 2)
             at = abs(heights - level) <= step
-            if at.sum() >= least:
-                yield rest[at], level, LEVEL
+            for piece in connected(
+                cells.lattice, rest[at], least
+            ):  # a slope elsewhere is at it, too
+                yield piece, level, LEVEL
             rest = rest[~at]
 
 
@@ -764,13 +763,15 @@ def _patches(mask: Mask, least: int) -> Iterator[Ints]:
             yield order[ends[label] - sizes[label] : ends[label]]
 
 
-def _largest(lattice: Lattice, some: Ints) -> Ints:
-    """The cells of the largest connected patch of some cells."""
+def connected(lattice: Lattice, some: Ints, least: float) -> Iterator[Ints]:
+    """The connected cells among some, where they are many enough."""
+    if len(some) < least:
+        return
     (top, left), mask = window(lattice, some, 0)
-    labels, _ = ndimage.label(mask)
-    sizes = np.bincount(labels.ravel())
-    r, c = np.nonzero(labels == 1 + sizes[1:].argmax())
-    return (r + top) * lattice.cols + c + left
+    labels, count = ndimage.label(mask)
+    of = labels[some // lattice.cols - top, some % lattice.cols - left]
+    for number in np.flatnonzero(np.bincount(of, minlength=count + 1) >= least):
+        yield some[of == number]
 
 
 def around(lattice: Lattice, some: Ints, width: int) -> Ints:
@@ -869,6 +870,11 @@ def median_of_counts(counts: NDArray[np.integer[Any]]) -> float:
     middle = np.sort(counts)[(len(counts) - 1) // 2]
     below, at = (counts < middle).sum(), (counts == middle).sum()
     return float(middle - 0.5 + (len(counts) / 2 - below) / at)
+
+
+def looks_like_water(cells: CellGrid, some: Ints, shore: Ints) -> bool:
+    """Whether cells return few of the pulses that those of a shore do, or are darker."""
+    return _lost(cells, some, shore) <= SPARSE or _darkness(cells, some, shore) >= DARK
 
 
 def _raised(cells: CellGrid, body: Ints, level: float) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from algorithms.shoreline._bodies import (
     Body,
     CellGrid,
     around,
+    connected,
     core_of,
     fit,
     smoothed,
@@ -60,10 +61,12 @@ def reaches(cells: CellGrid, body: Body, least: int, most: float) -> list[Body]:
     upper = heights >= otsu_threshold(heights)
     if _stands_above(cells, core, heights, upper):
         return [body]
-    pieces = [piece for part in (upper, ~upper) for piece in _pieces(cells, core[part], least)]
-    if sum(len(piece) for piece in pieces) < COMPACT * len(core):
+    parts = [
+        some for part in (upper, ~upper) for some in connected(cells.lattice, core[part], least)
+    ]
+    if sum(len(part) for part in parts) < COMPACT * len(core):
         return [body]
-    return [_reach(cells, body, part) for part in _nearest(cells, body.cells, pieces)]
+    return [_reach(cells, body, part) for part in _nearest(cells, body.cells, parts)]
 
 
 def along_banks(cells: CellGrid, some: Ints) -> Floats:
@@ -113,24 +116,15 @@ def _from_plane(cells: CellGrid, core: Ints, heights: Floats) -> float:
     return float(np.ptp(np.percentile(off, ENDS)))
 
 
-def _pieces(cells: CellGrid, some: Ints, least: int) -> Iterator[Ints]:
-    """The connected cells among some, where they are many enough."""
-    (top, left), mask = window(cells.lattice, some, 0)
-    labels, count = ndimage.label(mask)
-    of = labels[some // cells.lattice.cols - top, some % cells.lattice.cols - left]
-    for number in np.flatnonzero(np.bincount(of, minlength=count + 1) >= least):
-        yield some[of == number]
-
-
-def _nearest(cells: CellGrid, every: Ints, pieces: Sequence[Ints]) -> list[Ints]:
-    """All cells of a water, with the piece that each is nearest to."""
+def _nearest(cells: CellGrid, every: Ints, parts: Sequence[Ints]) -> list[Ints]:
+    """All cells of a water, with the part that each is nearest to."""
     (top, left), wet = window(cells.lattice, every, 0)
     label = np.zeros(wet.shape, np.int32)
-    for number, piece in enumerate(pieces, 1):
-        label[piece // cells.lattice.cols - top, piece % cells.lattice.cols - left] = number
+    for number, part in enumerate(parts, 1):
+        label[part // cells.lattice.cols - top, part % cells.lattice.cols - left] = number
     near = ndimage.distance_transform_edt(label == 0, return_distances=False, return_indices=True)
     of = label[tuple(near)][every // cells.lattice.cols - top, every % cells.lattice.cols - left]
-    return [every[of == number] for number in range(1, len(pieces) + 1)]
+    return [every[of == number] for number in range(1, len(parts) + 1)]
 
 
 def _reach(cells: CellGrid, body: Body, part: Ints) -> Body:

@@ -9,12 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import (
     CONTACT,
+    ENDS,
     LARGE,
     LEVEL,
+    REACH,
     RIVER,
     VERY_DARK,
     WALL,
@@ -29,7 +32,10 @@ from algorithms.shoreline._bodies import (
     grid,
     is_long,
     joined,
+    looks_like_water,
     open_water,
+    shore_of,
+    window,
 )
 from algorithms.shoreline._cover import covered
 from algorithms.shoreline._dikes import apart
@@ -161,7 +167,7 @@ def _without_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
     if len(kept) < len(found):
         log.warning(
             "points: gaps of the data that are left out: %d; they fall by more than %.0f %%, as "
-            "hillsides do, or lie between its pieces and have no shore at one level",
+            "hillsides do, or end on land, or lie between its pieces without a shore at one level",
             len(found) - len(kept),
             100 * STEEPEST,
         )
@@ -169,7 +175,7 @@ def _without_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
 
 
 def _is_gap(cells: CellGrid, water: Water) -> bool:
-    """Whether a place is steeper than smooth water, or has neither shores nor data around it.
+    """Whether a place is steeper than smooth water, ends on land, or has no shores nor data around.
 
     Steeper streams fall in steps and cascades (Montgomery and Buffington, 1997, Channel-reach
     morphology in mountain drainage basins).
@@ -179,8 +185,21 @@ def _is_gap(cells: CellGrid, water: Water) -> bool:
     tilt = _tilt(cells, water)
     if math.hypot(tilt.south, tilt.east) > STEEPEST * cells.lattice.cell:
         return True
+    if water.fall and water.body.few and _ends_on_land(cells, water.body, tilt):
+        return True
     beside = cells.count.ravel()[around(cells.lattice, water.body.cells, 1)] > 0
     return bool(_hidden(cells, water) > 0 and beside.mean() < SURROUNDED)
+
+
+def _ends_on_land(cells: CellGrid, body: Body, tilt: Tilt) -> bool:
+    """Whether the lower end of a place that falls is as bright and returns as much as its shore.
+
+    Water that loses pulses does so there, too; out of a notch of the data it would run over land.
+    """
+    whole = body.cells[cells.whole.ravel()[body.cells]]
+    along = tilt.at(*np.divmod(whole, cells.lattice.cols))
+    end = whole[along <= np.quantile(along, ENDS[0])] if len(whole) else body.cells
+    return not looks_like_water(cells, end, shore_of(cells, body.cells))
 
 
 def _is_road(cells: CellGrid, water: Water) -> bool:
@@ -484,8 +503,7 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float)
     slope = math.hypot(east, north)
     along = d @ (np.array([east, north]) / max(slope, 1e-12))
     length = float(np.subtract(*np.percentile(along, (99, 1))))
-    explained = (slope * along).var() / max(xyz[near, 2].var(), 1e-12)
-    if slope * length <= FALL * metre or explained <= STRAIGHT or stepped(xyz[near]):
+    if slope * length <= FALL * metre or level.parts or not is_plane(xyz[near]):
         return Water(body, level)
     flat[:, 2] = xyz[:, 2] - (xyz[:, :2] - centre) @ np.array([east, north])
     height = float(np.median(flat[near, 2]))
@@ -493,13 +511,17 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float)
     return Water(body, tilted, slope * length, length)
 
 
-def stepped(xyz: Floats) -> bool:
-    """Whether two levels explain the heights of a surface better than a plane does."""
+def is_plane(xyz: Floats) -> bool:
+    """Whether a plane explains a surface, and better than two levels do.
+
+    Points scatter by waves, which may be as high as a river falls: means of blocks are compared.
+    """
     blocks = even_blocks(xyz[:, :2])
     means = np.array([xyz[some].mean(axis=0) for some in blocks])
     z = means[:, 2] - means[:, 2].mean()
     design = np.column_stack([np.ones(len(z)), means[:, :2] - means[:, :2].mean(axis=0)])
-    return two_levels_fit(z, design @ np.linalg.lstsq(design, z, rcond=None)[0])
+    plane = design @ np.linalg.lstsq(design, z, rcond=None)[0]
+    return bool(plane.var() > STRAIGHT * z.var() and not two_levels_fit(z, plane))
 
 
 def _islands_hide(cells: CellGrid, body: Body) -> bool:
@@ -612,6 +634,17 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 rise / metre,
             )
+        elif len(some := _shoreless(cells, one)) * cells.area >= LARGE * metre**2:
+            log.warning(
+                "points: about %.0f m2 of the %s returned nothing, and all ground beside is more "
+                "than %g m above its level, as at %.1f,%.1f: a gap of the data, a pool above a "
+                "weir, or cliffs, walls or crowns. It counts as water, but its outline may be no "
+                "shore",
+                _digits(len(some) * cells.area / metre**2),
+                name_of(cells, one),
+                WALL,
+                *_centre(cells, some),
+            )
         if off := _off_banks(cells, one):
             log.warning(
                 "points: nothing came back from the %s, and the banks along a tenth of it or more "
@@ -650,6 +683,20 @@ def _hidden(cells: CellGrid, water: Water) -> float:
     """How high half of the rim of a lake without returns is, if that hides its shore; else 0."""
     rise = _rise(cells, water) if water.level.basis == "shore" else 0.0
     return rise if rise > WALL * cells.metre else 0.0
+
+
+def _shoreless(cells: CellGrid, water: Water) -> Ints:
+    """Cells of a water without points that are nearest to ground far above its level."""
+    (top, left), wet = window(cells.lattice, water.body.cells, REACH)
+    here = np.s_[top : top + wet.shape[0], left : left + wet.shape[1]]
+    empty = cells.count[here] == 0
+    unseen = empty | (ndimage.binary_fill_holes(wet) & ~wet)  # islands and boats are no bank
+    near = ndimage.distance_transform_edt(unseen, return_distances=False, return_indices=True)
+    ground = ndimage.minimum_filter(cells.low[here], 2 * REACH + 1)[tuple(near)]
+    r, c = np.nonzero(wet & empty)
+    some = (r + top) * cells.lattice.cols + c + left
+    rise = ground[r, c] + cells.base - water.level.at(_centres(cells, some))
+    return np.asarray(some[rise > WALL * cells.metre])
 
 
 def _rise(cells: CellGrid, water: Water) -> float:

@@ -26,6 +26,7 @@ from algorithms.shoreline._level import Level, _parts
 from algorithms.shoreline._outline import detail_of
 from algorithms.shoreline._reaches import along_banks
 from algorithms.shoreline._returns import Returns
+from algorithms.shoreline._water import is_plane
 from algorithms.shoreline.extract import ShorelineExtract
 from toolbox.data import PointCloud, Survey
 from toolbox.declare import ClassList, Position
@@ -155,13 +156,14 @@ def hillside(seed: int, rise: float) -> PointCloud:
     return PointCloud(xyz, columns(intensity[kept], single), crs=UTM, name="hillside.laz")
 
 
-@pytest.mark.parametrize("rise", [0.06, 0.12])
+@pytest.mark.parametrize("rise", [0.002, 0.005, 0.02, 0.06, 0.12])
 def test_a_notch_of_the_data_on_a_hillside_is_no_river(
     rise: float, caplog: pytest.LogCaptureFixture
 ) -> None:
+    """Below it the ground is as bright as beside it, and returns as much."""
     caplog.set_level(logging.INFO)
     assert extract(hillside(0, rise), bodies="all", sloped=True).count == 0
-    assert "fall by more than 3 %" in caplog.text
+    assert "gaps of the data that are left out" in caplog.text
 
 
 def bay(seed: int) -> PointCloud:
@@ -211,6 +213,16 @@ def test_a_still_pool_above_a_rough_one_is_a_reach_of_its_own() -> None:
     cloud = pools(600, lambda x: 0.8 * (x > 300), lambda x: np.where(x > 300, 0.05, 0.3))
     levels = extract(cloud, bodies="all", sloped=True).water.frame["level"]
     assert sorted(levels) == pytest.approx([100.0, 100.8], abs=0.02)
+
+
+@pytest.mark.parametrize("gap", [True, False])
+def test_a_gap_between_strips_that_a_river_runs_into_is_told(gap: bool, caplog: Any) -> None:
+    """It counts as water, as nothing came back from it, but lies 4 m below the ground beside."""
+    cloud = pools(400, lambda x: 0 * x, lambda x: 0.3 + 0 * x)
+    x = cloud["x"] - ORIGIN[0]
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        extract(cloud.select((x < 180) | (x > 220) | (not gap)))
+    assert ("all ground beside is more than 1 m above its level" in caplog.text) is gap
 
 
 def test_a_torrent_of_a_class_of_water_is_water() -> None:
@@ -532,6 +544,27 @@ def test_waves_across_a_river_are_no_dikes() -> None:
     assert len(water) == 1
 
 
+def test_waves_hide_no_fall() -> None:
+    """Waves of 18 cm, on a lake and on a river that falls by 40 cm from end to end."""
+    rng = np.random.default_rng(0)
+    xy = rng.uniform(0, 1, (3000, 2)) * [200, 40]
+    waves = 0.13 * rng.normal(0, 1, len(xy)) + 0.18 * np.sin(xy[:, 0] / 1.5)
+    for fall, plane in ((0.4, True), (0.0, False)):
+        assert is_plane(np.column_stack([xy, waves - fall * xy[:, 0] / 200])) is plane
+
+
+@pytest.mark.parametrize(("kind", "slope"), [("river", 0.002), ("reeds", 0.0)])
+def test_high_waves_are_neither_a_level_river_nor_a_lake_that_runs_off(
+    kind: str, slope: float
+) -> None:
+    """The river was laid level and ran over into a dry valley; the lake was lost, as a hillside
+    far away is at its level, too, from which water runs off."""
+    found, water = scored(waters.survey(kind, 705))
+    assert found[0] > 0.97
+    assert len(water) == 1
+    assert water.slope[0] == pytest.approx(slope, abs=1e-4)
+
+
 def test_waves_of_a_water_that_returns_nothing_are_not_known() -> None:
     assert _crest(np.array([np.nan, np.inf])) == 0.0
 
@@ -659,12 +692,18 @@ def test_bodies_do_not_overlap() -> None:
 
 
 @pytest.mark.slow
-def test_a_valley_with_gravel_pits_holds_no_lake_above_them(data: Callable[[str], Path]) -> None:
-    """Before, 65 ha at 285 m and 48 ha at 299 m covered the pits at 251 m."""
+def test_a_valley_with_gravel_pits_holds_no_lake_above_them(
+    data: Callable[[str], Path], caplog: Any
+) -> None:
+    """Before, 65 ha at 285 m and 48 ha at 299 m covered the pits at 251 m.
+
+    Half of the river is a gap between strips of the survey, and a pool above a weir.
+    """
     cloud = PointCloud.open(data("isprs_sites/FSite5_orig-utm.laz")).with_crs(CRS(32632))
     water = extract(cloud, bodies="all", sloped=True).water.frame
     assert water["area"].sum() < 170_000
     assert water["area"].iloc[0] == pytest.approx(152_000, rel=0.03)
+    assert "about 89000 m2 of the water of about 130000 m2" in caplog.text
 
 
 @pytest.mark.parametrize(("apart", "told"), [(0.0, False), (0.4, True)])

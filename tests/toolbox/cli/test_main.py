@@ -75,8 +75,8 @@ def test_running_imports_no_library_before_a_tool_or_a_format_needs_it() -> None
 
 
 def test_a_model_of_points_and_rasters_loads_no_library_for_tables() -> None:
-    """Its step for water makes tables of features, and is off unless it is asked for."""
-    lazy = {"geopandas", "pandas"}
+    """Nor for search trees: its step for water needs them, and is off unless it is asked for."""
+    lazy = {"geopandas", "pandas", "scipy.spatial", "scipy.sparse"}
     code = (
         "import sys; from toolbox import catalog; catalog.load('models.terrain'); "
         f"sys.exit(', '.join({lazy!r} & set(sys.modules)) or 0)"

@@ -226,7 +226,9 @@ class Structures:
 class Tracks:
     """How curves become one track per wire."""
 
-    chain_gap: float = tried(25.0, "m", "along, between tracks of one wire")
+    chain_gap: float = tried(
+        25.0, "m", "along, between tracks of one wire, more where these have few points"
+    )
     chain_aside: float = tried(
         1.6, "tolerances", "aside and up, between tracks of one wire that follow each other"
     )

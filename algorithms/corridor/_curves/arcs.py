@@ -386,13 +386,16 @@ def kink(bins: Binned, low: int, at: int, high: int, bend: float) -> float:
 
 
 def tracks_at(bins: Binned) -> Floats:
-    """Number of tracks that cross each edge between two bins."""
-    seen = bins.tall > 0
-    behind = np.maximum.accumulate(seen, axis=0)
-    ahead = np.maximum.accumulate(seen[::-1], axis=0)[::-1]
-    across = np.zeros(len(seen) + 1)
-    across[1:-1] = (behind[:-1] & ahead[1:]).sum(axis=1)
-    return across
+    """Number of tracks that are seen not far before and behind each edge between two bins.
+
+    A wire that is seen far off alone can tell nothing of a support there.
+    """
+    reach = round(SETTINGS.network.longest_missing / bins.step)
+    seen = np.cumsum(np.pad(bins.tall > 0, ((1, 0), (0, 0))), axis=0)
+    edge = np.arange(len(seen))
+    behind = seen > seen[np.maximum(edge - reach, 0)]
+    ahead = seen[np.minimum(edge + reach, edge[-1])] > seen
+    return np.asarray((behind & ahead).sum(axis=1), float)
 
 
 def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:

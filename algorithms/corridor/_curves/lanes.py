@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._curves.catenary import fit
+from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import Corridor, Piece, curves_of
 from algorithms.corridor._curves.trace import Airborne, trace_all, uncrowded
-from algorithms.corridor._curves.tracks import Alignment
+from algorithms.corridor._curves.tracks import Alignment, abreast, chained
 from algorithms.corridor._settings import SETTINGS
 from toolbox.context import Context
 
@@ -91,7 +91,7 @@ def followed_together(
         if lanes is None:
             break
         alignment = Alignment.of(pieces_in(corridor, alignment, lanes, max_gap, ctx))
-    return alignment
+    return replace(alignment, pieces=chained(corridor, alignment))
 
 
 def in_order(track: Floats) -> Floats:
@@ -117,14 +117,6 @@ def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:
         left -= place.keys()
         best = max(best, place, key=lambda some: sum(len(tracks[k]) for k in some))
     return best
-
-
-def abreast(one: Floats, other: Floats) -> bool:
-    """Whether two tracks overlap in chainage, and so belong to different wires."""
-    return bool(
-        min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0])
-        > SETTINGS.network.telling_length
-    )
 
 
 def beside(one: Floats, other: Floats) -> Floats | None:
@@ -153,17 +145,21 @@ def pieces_in(
     for points, lane in followed(corridor, alignment, lanes, max_gap, ctx):
         fresh = lane_of[points] < 0
         lane_of[points[fresh]] = lane[fresh]
+
+    def fitted(points: Ints) -> Catenary | None:
+        return fit(corridor.wires.xyz[points], sways=False, spread=SETTINGS.lanes.ahead)
+
     found = []
     for k, own in enumerate(lanes.own):
         points = np.flatnonzero(lane_of == k)
-        curve = fit(corridor.wires.xyz[points], sways=False, spread=SETTINGS.lanes.ahead)
+        curve = fitted(points)
         if curve is not None:
             found.append(Piece(points, curve, any(alignment.pieces[j].sure for j in own)))
     grouped = {j for own in lanes.own for j in own}
     for piece in (piece for j, piece in enumerate(alignment.pieces) if j not in grouped):
         points = piece.points[lane_of[piece.points] < 0]
         if 2 * len(points) > len(piece.points):
-            found.append(replace(piece, points=points))
+            found.append(replace(piece, points=points, curve=fitted(points) or piece.curve))
     return found
 
 

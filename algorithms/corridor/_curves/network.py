@@ -201,8 +201,11 @@ def is_on_roof(corridor: Corridor, curve: Catenary) -> bool:
 
 def cells_by_side(u: Floats, v: Floats) -> Ints:
     """Number of square metres with points at each side of a curve, along and aside of it."""
-    cell = np.unique(np.floor(np.column_stack([u, v])).astype(np.int64), axis=0)
-    return np.bincount((cell[:, 1] < 0).astype(np.int64), minlength=2)
+    along, aside = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+    least = aside.min(initial=0)
+    wide = aside.max(initial=0) - least + 1
+    right = distinct(along * wide + aside - least) % wide < -least
+    return np.bincount(right.astype(np.int64), minlength=2)
 
 
 def on_water(corridor: Corridor, curve: Catenary, at: Floats) -> list[bool]:

@@ -159,17 +159,23 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
 
 
 def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
-    """Tracks in which those of one wire are joined, whether they overlap or follow each other."""
+    """Tracks in which those of one wire are joined, whether they overlap or follow each other.
+
+    Of a line of a single wire each track is one of it, also behind a long gap.
+    """
     chains: list[tuple[Piece, Floats]] = []  # with chainages, offsets and heights
     tracks = [
         (piece, alignment.track(corridor.wires.xyz[piece.points])) for piece in alignment.pieces
     ]
+    single = not any(
+        abreast(one, other) for (_, one), (_, other) in itertools.combinations(tracks, 2)
+    )
     for piece, own in sorted(tracks, key=lambda track: float(track[1][:, 0].min())):
         best, least = -1, math.inf
         for k, (_, other) in enumerate(chains):
             end, begin = other[:, 0].max(), own[:, 0].min()
             gap = max(begin - end, 0.0)
-            if gap > SETTINGS.tracks.chain_gap:
+            if gap > (SETTINGS.network.longest_missing if single else likely_gap(other, own)):
                 continue
             middle = 0.5 * (begin + min(end, own[:, 0].max()))
             aside, up = np.abs(beside(other, middle) - beside(own, middle))
@@ -189,6 +195,19 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
         whole = replace(one, points=points, sure=one.sure or piece.sure)
         chains[best] = whole, np.vstack([other, own])
     return [piece for piece, _ in chains]
+
+
+def abreast(one: Floats, other: Floats) -> bool:
+    """Whether two tracks overlap in chainage, and so belong to different wires."""
+    overlap = min(one[:, 0].max(), other[:, 0].max()) - max(one[:, 0].min(), other[:, 0].min())
+    return bool(overlap > SETTINGS.network.telling_length)
+
+
+def likely_gap(one: Floats, other: Floats) -> float:
+    """Metres without points that may be by chance on a wire with as many points as two tracks."""
+    spacing = (np.ptp(one[:, 0]) + np.ptp(other[:, 0])) / (len(one) + len(other))
+    by_chance = -math.log(SETTINGS.sparse.false_alarms) * float(spacing)
+    return max(by_chance, SETTINGS.tracks.chain_gap)
 
 
 def beside(track: Floats, u: float) -> Floats:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scenes.corridors import Floats, cloud, ground, pole, tree, wire
+import shapely
+from scenes.corridors import CORNER, Floats, cloud, ground, pole, tree, wire
 from scipy.spatial import cKDTree
 
-from algorithms.corridor._curves.network import Corridor
+from algorithms.corridor._curves.arcs import Binned, tracks_at
+from algorithms.corridor._curves.catenary import fit
+from algorithms.corridor._curves.lanes import Lanes, in_order, pieces_in
+from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.sparse import groups, in_sheets, lonely
 from algorithms.corridor._curves.trace import Airborne
+from algorithms.corridor._curves.tracks import Alignment, chained
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.context import QUIET
@@ -118,3 +125,87 @@ def test_points_of_a_crown_and_of_one_wire_are_in_no_sheet() -> None:
     assert kept[np.abs(y) < 2].mean() > 0.8
     assert kept[y > 2].mean() < 0.1
     assert kept[y < -2].mean() < 0.1
+
+
+def test_a_wire_that_is_seen_far_off_alone_does_not_count_at_a_cut() -> None:
+    """Of two, one is not seen for 150 m."""
+    weight = np.ones((200, 2))
+    weight[25:175, 1] = 0.0
+    zeros = np.zeros(weight.shape)
+    count = tracks_at(Binned(1.0, weight, weight, zeros, zeros, zeros))
+    assert count[[0, 20, 100, 200]].tolist() == [0, 2, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("wires", "spacing", "tracks"),
+    [(1, 2.0, 1), (2, 2.0, 4), (2, 8.0, 2)],
+    ids=["a single wire", "two", "two with few points"],
+)
+def test_what_follows_behind_a_gap_is_the_same_wire(
+    wires: int, spacing: float, tracks: int
+) -> None:
+    """The gap is 30 m long; of two wires seen every 2 m it may part different ones."""
+    all_of = [
+        wire((x, 6.0 * k, 9.0), (x + 160.0, 6.0 * k, 9.0), 5000.0)[0].points(
+            np.arange(0.0, 161.0, spacing)
+        )
+        for k in range(wires)
+        for x in (0.0, 190.0)
+    ]
+    air = Airborne.of(np.vstack(all_of))
+    height = air.xyz[:, 2]
+    corridor = Corridor(air, height, height > 4, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    x, y, _ = corridor.wires.xyz.T
+    own = [
+        np.flatnonzero((np.abs(y - 6 * k) < 1) & ((x > 175) == far))
+        for k in range(wires)
+        for far in (False, True)
+    ]
+    curves = [fit(corridor.wires.xyz[points]) for points in own]
+    pieces = [Piece(points, curve) for points, curve in zip(own, curves, strict=True) if curve]
+    assert len(pieces) == 2 * wires
+    assert len(chained(corridor, Alignment.of(pieces))) == tracks
+
+
+def test_an_alignment_reaches_as_far_as_its_wires() -> None:
+    """Of two wires of no lane one was put together from two pieces, and has the curve of the first.
+
+    Through the three points of the other no curve is fitted anew, so it keeps its own.
+    """
+    wires = [
+        wire((0.0, y, 9.0), (200.0, y, 9.0), 2000.0, 0.3, seed=seed)[1]
+        for seed, y in enumerate((0.0, 0.9))
+    ]
+    other = wire((0.0, 9.0, 9.0), (400.0, 9.0, 9.0), 2000.0, 0.3, seed=2)[1]
+    air = Airborne.of(np.vstack([*wires, other]))
+    height = air.xyz[:, 2]
+    corridor = Corridor(air, height, height > 4, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    xyz = corridor.wires.xyz
+    own = [np.flatnonzero(np.abs(xyz[:, 1] - y) < 0.4) for y in (0.0, 0.9, 9.0)]
+    first = own[2][xyz[own[2], 0] < 200]
+    curves = [fit(xyz[points]) for points in (*own[:2], first)]
+    pieces = [Piece(points, curve) for points, curve in zip(own, curves, strict=True) if curve]
+    pieces += [replace(pieces[2], points=own[2][:3])]
+    alignment = Alignment.of(pieces)
+    lanes = Lanes.of([in_order(alignment.track(xyz[piece.points])) for piece in pieces[:2]])
+    assert lanes is not None
+    whole = Alignment.of(pieces_in(corridor, alignment, lanes, 30.0, QUIET))
+    assert len(whole.pieces) == 4
+    along, _ = whole.along(xyz)
+    assert along.min() > 0
+    assert along.max() < whole.step * whole.steps
+
+
+@pytest.mark.parametrize("gap", [15.0, 25.0])
+def test_a_support_is_found_where_wires_are_not_seen_near_it(gap: float) -> None:
+    """Neither is a pole, but wires go on behind it at the height at which they end."""
+    wires = [
+        wire((x, y, 12.0), (x + 100.0, y, 12.0), C, 0.25, seed=int(x + 10 * y))[1]
+        for x in (0.0, 100.0)
+        for y in (-0.9, 0.0, 0.9)
+    ]
+    seen = [part[np.abs(part[:, 0] - 100.0) > gap] for part in wires]
+    result = CorridorExtract(points=cloud(GROUND, *seen)).run()
+    feet = shapely.get_coordinates(result.towers.frame.geometry) - CORNER[:2]
+    assert np.hypot(*(feet - (100.0, 0.0)).T).min() < 2.0
+    assert result.span_count == 2

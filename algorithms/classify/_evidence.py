@@ -27,7 +27,7 @@ from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers, let_through
 from algorithms.shared.terrain import HALO as GROUND_HALO
 from algorithms.shared.terrain import find_terrain, height_above, verdict
-from toolbox.context import QUIET, Context, digest, log
+from toolbox.context import QUIET, Context, digest, log, setting_name
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, nearest
 
@@ -171,11 +171,13 @@ class PointFeatures:
         found = _flatness.by_noise(self.xyz[:, :2], scatter, ground, self.flat, metre)
         largest = found.max(initial=self.flat)
         if largest > NOISY * self.flat:
+            flat = setting_name("flat")
             log.warning(
                 "points on the ground scatter so much that points may be up to %.2f m from a "
-                "plane, not %.2g m: trees and hedges are told less surely; `flat` sets it",
+                "plane, not %.2g m: trees and hedges are told less surely%s",
                 largest,
                 self.flat,
+                f"; `{flat}` sets how far" if flat else "",
             )
         return found
 

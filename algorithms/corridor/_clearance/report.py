@@ -443,8 +443,8 @@ def _rule_table(rules: Sequence[Rule]) -> Table:
 
 
 def _confirmed(rule: Rule) -> str | None:
-    """Whether the value of a rule was read in a document; of no rule there is none to read."""
-    if rule.severity in (NO_RULE, UNSURE):
+    """Whether the value of a rule was read in a document; None of what has no such value."""
+    if rule.severity in (NO_RULE, UNSURE) or rule.id == FALLING.id:
         return None
     return "read in the source" if rule.confirmed else "to be confirmed"
 

@@ -720,6 +720,12 @@ def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
     result = run(points, distance=5.0)
     frame = result["objects"].frame
     assert frame.rule.to_list() == ["distance", "falling"]
+    (rules,) = next(
+        part.blocks for part in result["report"].sections if part.title == "Distances required"
+    )
+    told = rules.table.frame.set_index("rule").confirmed
+    assert told["distance"] == "read in the source"
+    assert pd.isna(told["falling"])
     low = LEVEL.height(np.array(150.0))
     assert frame.falls[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
     assert np.isnan(frame.required[1]), "no rule asks for a distance of a tree that stands"

@@ -122,6 +122,7 @@ def test_roofs_are_found_in_noise_of_many_centimetres(
     caplog.clear()
     assert found(noisy) > 0.95
     assert "points on the ground scatter so much that points may be up to 0.1" in caplog.text
+    assert "are told less surely; `flat` sets how far" in caplog.text
     caplog.clear()
     assert found(noisy, 0.06) < 0.5
     assert "the points are too noisy; a tool with `flat` needs some 0.1" in caplog.text

@@ -78,9 +78,9 @@ def page(
     listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}
     unit = unit_of_data(layers_of(told.given, found))
     sections = [
-        *_counted(spec, layers, told),
         *(in_order(plots) or _pictures(found, spec)),
         *own,
+        *_counted(spec, layers, told),
         *_charts(found, spec, unit),
         *_results(spec, found, unit),
         *(

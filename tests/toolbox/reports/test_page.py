@@ -272,3 +272,17 @@ def test_the_finding_stands_before_what_was_processed() -> None:
     told = Told(words=[("planes", "9 planes."), ("none", "Prepared."), ("gaps", "Openings: 4.")])
     summary, _ = said(spec, {}, None, told)
     assert summary == "Openings: 4. 9 planes. Prepared."
+
+
+def test_maps_stand_before_counts_of_points_and_numbers() -> None:
+    xyz = np.random.default_rng(1).uniform(0, 20, (200, 3))
+    points = PointCloud(
+        xyz, {"classification": np.full(200, 2, np.uint8)}, crs=parse_crs("EPSG:32635")
+    )
+    found = {"classified": points, "ground_share": 1.0}
+    told = Told(given={"points": points})
+    titles = [
+        part.title for part in page(catalog.load("ground.classify"), found, None, told).sections
+    ]
+    assert titles[0] == "Map"
+    assert titles.index("Map") < titles.index("Points by class") < titles.index("Results")

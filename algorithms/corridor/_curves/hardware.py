@@ -17,7 +17,6 @@ from scipy.ndimage import maximum_filter, uniform_filter1d
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.corridor._settings import SETTINGS
-from algorithms.shared.kernels.sorting import distinct
 
 STEM_CELLS = 3  # along and across, of the width in which a pole shows
 
@@ -58,7 +57,7 @@ class Beside:
         ring = SETTINGS.arcs.ring_outer
         reach = float(np.nanmax(np.abs(shape[:2]))) + SETTINGS.arcs.arm_aside + ring
         spots = alignment.places(np.arange(chainages[0], chainages[-1] + ring, ring))
-        box = distinct(np.concatenate([corridor.air.within(spot, reach) for spot in spots]))
+        box = corridor.air.within(spots, reach)
         xyz = corridor.air.xyz[box]
         u, v = alignment.along(xyz)
         sides = [np.interp(u, chainages[known], own[known]) for own in shape]

@@ -218,7 +218,7 @@ def on_water(corridor: Corridor, curve: Catenary, at: Floats) -> list[bool]:
 def beside_of(points: Airborne, curve: Catenary, reach: float) -> Ints:
     """Indices of the points in the cells around a curve in plan."""
     spots = curve.points(np.arange(0.0, curve.length + PLAN_CELL, PLAN_CELL))[:, :2]
-    return distinct(np.concatenate([points.within(spot, reach + PLAN_CELL / 2) for spot in spots]))
+    return points.within(spots, reach + PLAN_CELL / 2)
 
 
 def isolated(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:

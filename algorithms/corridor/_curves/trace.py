@@ -112,17 +112,32 @@ class Airborne:
         order = np.argsort(found[:count])
         return found[:count][order], away[:count][order]
 
-    def within(self, spot: Floats, reach: float) -> Ints:
-        """Indices of the points in the cells that meet a square around a position."""
-        r0, r1 = (int((spot[1] + d - self.south) // PLAN_CELL) for d in (-reach, reach))
-        c0, c1 = (int((spot[0] + d - self.west) // PLAN_CELL) for d in (-reach, reach))
-        r0, r1, c0, c1 = max(r0, 0), min(r1, self.rows - 1), max(c0, 0), min(c1, self.cols - 1)
-        if c0 > c1 or r0 > r1:
-            return np.zeros(0, np.int64)
-        rows = np.arange(r0, r1 + 1) * self.cols
-        return np.concatenate(
-            [np.arange(self.start[r + c0], self.start[r + c1 + 1]) for r in rows.tolist()]
+    def within(self, spots: Floats, reach: float) -> Ints:
+        """Indices, rising, of the points in the cells that meet squares around some positions.
+
+        Parameters
+        ----------
+        spots : array of shape (n, 2), or (2,)
+        reach : half of the side of a square, metres
+        """
+        corner = np.array([self.west, self.south])
+        low, high = (
+            ((np.atleast_2d(spots) + d - corner) // PLAN_CELL).astype(np.int64)
+            for d in (-reach, reach)
         )
+        low, high = np.maximum(low, 0), np.minimum(high, [self.cols - 1, self.rows - 1])
+        here = (low <= high).all(axis=1)
+        if not here.any():
+            return np.zeros(0, np.int64)
+        first = low[here].min(axis=0)
+        met = np.zeros((high[here].max(axis=0) - first + 1)[::-1], bool)
+        for (c0, r0), (c1, r1) in zip(low[here] - first, high[here] - first, strict=True):
+            met[r0 : r1 + 1, c0 : c1 + 1] = True
+        row, col = np.nonzero(met)
+        cell = (row + first[1]) * self.cols + col + first[0]
+        begin, count = self.start[cell], self.start[cell + 1] - self.start[cell]
+        end = np.cumsum(count)
+        return np.asarray(np.arange(end[-1]) + np.repeat(begin - end + count, count))
 
     @functools.cached_property
     def tree(self) -> cKDTree:

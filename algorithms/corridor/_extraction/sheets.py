@@ -61,8 +61,7 @@ def in_plane(
     mine = np.unique(np.concatenate([piece.points for piece in pieces]))
     spots = start + np.arange(0.0, length + 1.0)[:, None] * way
     reach = 2 * SETTINGS.arcs.arm_aside
-    box = np.unique(np.concatenate([air.within(spot, reach) for spot in spots]))
-    box = np.union1d(box, mine)
+    box = np.union1d(air.within(spots, reach), mine)
     step = air.xyz[box, :2] - start
     u, v = step @ way, step[:, 1] * way[0] - step[:, 0] * way[1]
     inside = (u > 0) & (u < length) & ~corridor.refused[box]

@@ -464,9 +464,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     middles = curve.points(
         np.arange(0.0, curve.length + SETTINGS.network.line_width, SETTINGS.network.line_width)
     )
-    box = distinct(
-        np.concatenate([air.within(middle[:2], SETTINGS.network.line_width) for middle in middles])
-    )
+    box = air.within(middles[:, :2], SETTINGS.network.line_width)
     u, v, z = curve.residuals(air.xyz[box])
     margin = min(3.0, 0.1 * curve.length)
     keep = (u > margin) & (u < curve.length - margin) & ~taken[box]

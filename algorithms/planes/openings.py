@@ -198,10 +198,10 @@ class PlanesOpenings:
             known = each[np.isfinite(each)] / self.openings.metre
             half = f"± {np.median(known):.2f} m" if len(known) else "± of no known length"
             return (
-                f"Edges are known to {half} (95 %, the median of those that were seen). Of "
-                f"{each.size} sides {sides['unsure']} are unsure and {sides['hidden']} were not "
-                "seen and may be elsewhere: they are named in the table, and broken lines with a "
-                "star in the drawing."
+                f"Edges are known to {half} (95 %, the median of those that were seen). Sides that "
+                f"are unsure: {sides['unsure']} of {each.size}; that were not seen and may be "
+                f"elsewhere: {sides['hidden']}. They are named in the table, and broken lines with "
+                "a star in the drawing."
             )
 
     def check(self) -> Iterator[tuple[str, str]]:

@@ -581,7 +581,7 @@ def test_sides_are_as_sure_as_their_points_and_uneven_ones_are_named() -> None:
     corners = [shapely.get_coordinates(s, include_z=True) - FAR for s in frame.geometry.iloc[1:]]
     ends = np.array([[*one[:, [0, 2]].min(axis=0), *one[:, [0, 2]].max(axis=0)] for one in corners])
     assert (np.abs(ends - np.array(boxes[1:])) <= sure).mean() >= 0.9
-    assert "Of 16 sides 1 are unsure and 0 were not seen" in out.in_words()
+    assert "unsure: 1 of 16; that were not seen and may be elsewhere: 0." in out.in_words()
 
 
 @pytest.mark.slow

@@ -207,7 +207,7 @@ def likely_gap(one: Floats, other: Floats) -> float:
     """Metres without points that may be by chance on a wire with as many points as two tracks."""
     spacing = (np.ptp(one[:, 0]) + np.ptp(other[:, 0])) / (len(one) + len(other))
     by_chance = -math.log(SETTINGS.sparse.false_alarms) * float(spacing)
-    return max(by_chance, SETTINGS.tracks.chain_gap)
+    return min(max(by_chance, SETTINGS.tracks.chain_gap), SETTINGS.network.longest_missing)
 
 
 def beside(track: Floats, u: float) -> Floats:

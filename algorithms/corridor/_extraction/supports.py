@@ -74,7 +74,6 @@ def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterat
         for number, alignment in enumerate(alignments)
         if any(p.arc[0] == number for p in pieces)
     }
-    network = SETTINGS.network
     for number, piece in enumerate(pieces):
         alignment, arc = alignments[piece.arc[0]], piece.arc[1]
         reach, ends = whole[piece.arc[0]], alignment.along(piece.ends)[0]
@@ -86,7 +85,7 @@ def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterat
             sigma = float(alignment.sigmas[arc + after - 1]) if held else math.inf
             if not held:
                 stop = reach.max() if after else reach.min()
-            if abs(stop - u) > (network.longest_missing if held else SETTINGS.supports.along):
+            if abs(stop - u) > SETTINGS.supports.along:
                 continue
             at = np.array([piece.curve.length * end])
             if held:

@@ -196,16 +196,17 @@ def test_an_alignment_reaches_as_far_as_its_wires() -> None:
     assert along.max() < whole.step * whole.steps
 
 
-@pytest.mark.parametrize("gap", [15.0, 25.0])
-def test_a_support_is_found_where_wires_are_not_seen_near_it(gap: float) -> None:
-    """Neither is a pole, but wires go on behind it at the height at which they end."""
+@pytest.mark.parametrize("gap", [60.0, 110.0])
+def test_no_support_is_made_up_in_a_gap(gap: float) -> None:
+    """Wires are not seen between 180 m and as far behind it as the gap is long."""
     wires = [
-        wire((x, y, 12.0), (x + 100.0, y, 12.0), C, 0.25, seed=int(x + 10 * y))[1]
-        for x in (0.0, 100.0)
-        for y in (-0.9, 0.0, 0.9)
+        wire((x, y, 12.0), (x + 90.0, y, 12.0), 600.0, 0.25, seed=int(x + 10 * y))[1]
+        for x in (0.0, 90.0, 180.0 + gap, 270.0 + gap)
+        for y in (0.0, 1.5, 3.0)
     ]
-    seen = [part[np.abs(part[:, 0] - 100.0) > gap] for part in wires]
-    result = CorridorExtract(points=cloud(GROUND, *seen)).run()
-    feet = shapely.get_coordinates(result.towers.frame.geometry) - CORNER[:2]
-    assert np.hypot(*(feet - (100.0, 0.0)).T).min() < 2.0
-    assert result.span_count == 2
+    ground_of = ground(400.0 + gap, 40.0, 4.0)
+    result = CorridorExtract(points=cloud(ground_of, *wires)).run()
+    middle = CORNER[0] + 180.0 + gap / 2
+    places = shapely.get_coordinates(result.towers.frame.geometry)[:, 0]
+    assert np.abs(places - middle).min() > 0.4 * gap
+    assert not result.wires.frame.intersects(shapely.box(middle - 5, -1e9, middle + 5, 1e9)).any()

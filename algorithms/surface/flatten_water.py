@@ -111,8 +111,12 @@ class SurfaceFlattenWater:
         """The raster holds heights, and the level is known."""
         if text := heights_problem(self.terrain):
             yield "terrain", f"{self.terrain.name or 'the raster'} {text}"
-        if self.surface and (text := _not_on(self.surface, self.terrain)):
-            yield "surface", f"{self.surface.name or 'the raster'} {text} of the terrain"
+        if self.surface:
+            name = self.surface.name or "the raster"
+            if text := heights_problem(self.surface):
+                yield "surface", f"{name} {text}"
+            elif text := _not_on(self.surface, self.terrain):
+                yield "surface", f"{name} {text} of the terrain"
         if self.level is None and len(self.water) and LEVEL not in self.water.names:
             yield (
                 "level",
@@ -170,18 +174,18 @@ class SurfaceFlattenWater:
                 descriptions=("terrain",),
                 units=self.terrain.units[:1],
             ),
-            surface_with_water=self.surface and self._with_water(made, wet, raised),
-            filled=0 if top is None else int(np.count_nonzero(wet & np.isnan(top))),
+            surface_with_water=self.surface and self._with_water(made, wet | raised),
+            filled=0 if top is None else int(np.count_nonzero((wet | raised) & np.isnan(top))),
             raised=int(np.count_nonzero(raised)),
             largest_raise=most,
             bodies=level_bodies,
         )
 
-    def _with_water(self, terrain: NDArray[np.float32], wet: Mask, raised: Mask) -> Raster:
+    def _with_water(self, terrain: NDArray[np.float32], laid: Mask) -> Raster:
         """The surface, nowhere below the water and the shore that was raised to it."""
         assert self.surface is not None
         top = self.surface.band()
-        top = np.where(wet, np.fmax(top, terrain), np.where(raised, np.maximum(top, terrain), top))
+        top = np.where(laid, np.fmax(top, terrain), top)
         return Raster.from_lattice(
             top.astype(np.float32),
             Lattice.of(self.surface),

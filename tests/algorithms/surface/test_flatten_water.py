@@ -48,6 +48,7 @@ def test_water_fills_the_holes_of_a_surface_and_leaves_what_stands_on_it() -> No
     top[3:7, 3:7] = np.nan  # the water swallowed the pulses
     top[5, 5] = 13.0  # a boat
     top[6, 6] = 9.9  # a trough of the waves
+    top[2, 4] = np.nan  # on the shore
     top[18, 18] = np.nan  # on land
     found = SurfaceFlattenWater(terrain=bowl(), surface=raster(top), water=pond()).run()
     filled = found.surface_with_water
@@ -61,10 +62,12 @@ def test_water_fills_the_holes_of_a_surface_and_leaves_what_stands_on_it() -> No
     rest = np.ones(top.shape, bool)
     rest[2:8, 2:8] = False
     np.testing.assert_array_equal(surface[rest], top[rest])
-    assert found.filled == 14
-    assert "14 cells of the surface in which nothing came back" in found.in_words()
+    assert found.filled == 15
+    assert "15 cells of the surface in which nothing came back" in found.in_words()
     with pytest.raises(DataError, match="surface: the raster covers another area than that of the"):
         SurfaceFlattenWater(terrain=bowl(), surface=raster(top[:-1]), water=pond())
+    with pytest.raises(DataError, match="surface: the raster has 2 bands"):
+        SurfaceFlattenWater(terrain=bowl(), surface=raster(np.stack([top, top])), water=pond())
 
 
 def test_the_width_of_gaps_at_the_shore_is_told_in_metres(caplog: pytest.LogCaptureFixture) -> None:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import ezdxf
 import numpy as np
 import pytest
 import shapely
@@ -89,6 +90,8 @@ def test_the_set_tells_the_error_of_heights_and_shows_other_waters(tmp_path: Pat
     assert found["level_uncertainty"] > 0.0979 > found["level_interval"]
     assert ".fields.csv" in text
     assert len(Vector.open(out / "water.gpkg", layer="other_waters").frame) >= 1
+    drawn = {entity.dxf.layer for entity in ezdxf.readfile(out / "contours.dxf").modelspace()}
+    assert {"contours", "contours_labels", "shoreline", "spill_point"} <= drawn
     page = (out / "report.html").read_text()
     data = page.partition('type="application/json">')[2].partition("</script>")[0]
     (others,) = (one for one in json.loads(data)["layers"] if one["name"] == "Other waters")

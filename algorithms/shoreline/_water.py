@@ -235,7 +235,7 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
             "them as the points do%s: %s",
             len(left_out),
             f"; the setting {setting} gives them" if setting else "",
-            _some([_place(cells, one.body.cells, one.level.height) for one in left_out]),
+            listed(cells, left_out),
         )
     return sure
 
@@ -326,6 +326,11 @@ def _above(cells: CellGrid, place: Body, found: Sequence[Water]) -> str:
         return text
     up = (place.level - near.level.height) / cells.metre
     return f"{text}, {up:+.2f} m from the {name_of(cells, near)} beside it"
+
+
+def listed(cells: CellGrid, waters: Sequence[Water]) -> str:
+    """Text on size, place and level of the first of some waters, and how many more there are."""
+    return _some([_place(cells, one.body.cells, one.level.height) for one in waters])
 
 
 def _place(cells: CellGrid, some: Ints, level: float) -> str:

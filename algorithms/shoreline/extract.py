@@ -233,20 +233,22 @@ class ShorelineExtract:
 
     def _chosen(self, cells: CellGrid, water: Sequence[Water]) -> list[int]:
         """Indices of the bodies to give out."""
-        from algorithms.shoreline._water import at_place, sloping, tell, warn_of
+        from algorithms.shoreline._water import at_place, listed, sloping, tell, warn_of
 
         tell(cells, water)
         every = list(range(len(water)))
         chosen = every if self.bodies == "all" else every[:1]
         if self.seed_point:
             chosen = [at_place(cells, water, self.seed_point)]
-        if others := len(water) - len(chosen):
-            setting = setting_name("bodies")
-            how = f"; {setting} all gives them" if setting else ""
+        if others := [water[k] for k in every if k not in chosen]:
+            bodies, place = setting_name("bodies"), setting_name("seed_point")
+            how = f"; {bodies} all gives them" if bodies else ""
+            how += f"; {place} chooses one of them" if place else ""
             log.warning(
-                "points: %d other water bodies were found, and only their outlines are given%s",
-                others,
+                "points: %d other water bodies were found, and only their outlines are given%s: %s",
+                len(others),
                 how,
+                listed(cells, others),
             )
         rivers = [k for k in chosen if water[k].fall and not self.sloped]
         for k in rivers:

@@ -40,16 +40,18 @@ HEAD = """# Clearance rules, by set, kind and voltage
 Made from the tables in `algorithms/corridor/rules` by `docs/make_clearance_rules.py`. What the
 columns mean, and how the rules are used: [clearances](../explanation/clearance.md#rules).
 
-No table is the regulation itself: its edition in force and its national annex decide. Name a set
+No table is the regulation itself: its edition in force decides, of European standards with the
+national annex. Name a set
 (`--rules en_50341 --voltage 110`), a table of your own (`--rule_table`,
 [below](#your-own-table)), or one distance for all (`--distance 5`); the report says which it was.
 Of the default, a study, it warns that this is no regulation.
 
 A distance is in space, below a wire (v) or beside it (h), in the unit of the table; *(w)* marks a
-warning, and an asterisk a value that was not read in a document: the engineer in charge confirms
-it, for which the report has a place to sign. **A dash is no rule**: what comes near is
-listed as "no rule" ([what near is](../explanation/clearance.md#without-a-rule)). Voltages that are
-not in the table of a set are refused. Where all distances of a kind are (v), what is beside the
+warning, and an asterisk a value that was not read in the regulation itself, but in a secondary text
+or in none: the engineer in charge confirms it, for which the report has a place to sign. **A dash
+is no rule**: what comes near is listed as "no rule"
+([what near is](../explanation/clearance.md#without-a-rule)). Voltages that are not in the table of
+a set are refused. Where all distances of a kind are (v), what is beside the
 wire has no rule. Unclassified points may be a tree, a building or something else, and are held to
 the strictest of these columns.
 """
@@ -71,8 +73,10 @@ python -m toolbox run models.power_line_clearance --points line.laz --rule_table
 `kind` is one of tree, building, other, unclassified, ground, water, rail, road, line, or any;
 `direction` 3-D, vertical or horizontal; `severity` critical, warning or watch. Further columns are
 `voltage_min` and `voltage_max`, in kV, with which `--voltage` must be given, and `per_kv`, added
-per kV. `within` and `note` may be empty or missing. `confirmed` tells if the value was read in
-the regulation. What is wrong in a table is told row by row, before the run.
+per kV. `within` and `note` may be empty or missing. `confirmed` tells if you vouch
+for the value: the report says *given by the user*, and *to be confirmed* otherwise. If any row is
+in ft, what is near without a rule follows the order of the USA. What is wrong in a table is told
+row by row, before the run.
 """
 
 

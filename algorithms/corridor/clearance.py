@@ -711,7 +711,8 @@ class CorridorClearance:
             why = {kind: f"distance is not for {kind}" for kind in KINDS}
         else:
             table = rule_set(self.rules) if self.rule_table is None else self.rule_table
-            rules = rules_of(table, self.voltage)
+            own = self.rule_table is not None
+            rules = [replace(rule, given=own) for rule in rules_of(table, self.voltage)]
             why = why_none(table, self.voltage)
             american = is_american(table)
         later = grown(rules, self.growth) if self.growth else []

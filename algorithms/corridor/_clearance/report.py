@@ -16,7 +16,15 @@ from algorithms.corridor._clearance.coverage import Coverage
 from algorithms.corridor._clearance.drawing import Drawing
 from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rest import AtRest
-from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, UNSURE, Rule
+from algorithms.corridor._clearance.rules import (
+    KINDS,
+    NO_RULE,
+    OBJECTS,
+    SEVERITIES,
+    UNSURE,
+    Rule,
+    has_annex,
+)
 from algorithms.corridor._clearance.sag import Conductor, State
 from algorithms.corridor._clearance.surroundings import (
     OF_LINE,
@@ -118,8 +126,9 @@ RULE_CAPTION = (
 )
 TO_CONFIRM = (
     "The distances marked “to be confirmed” were not read in the regulation itself. They are to be "
-    "confirmed by the engineer in charge against the regulation in force and its national annex."
+    "confirmed by the engineer in charge against the regulation in force."
 )
+OF_EUROPE = "Of European standards (EN), the national annex is a part of it."
 TO_SIGN = (
     "Confirmed by: ______________________  Date: ______________  Signature: ______________________"
 )
@@ -174,7 +183,7 @@ def report_of(
         Section("Points that take no part", _left_out(surroundings)),
     ]
     shown = [section for section in sections if section.blocks]
-    summary = _summary(surroundings, line, rules, objects, listed, basis)
+    summary = _summary(surroundings, line, rules, objects, listed, coverage, basis)
     unseen = _unseen(surroundings, line, coverage, missing)
     unseen += _may_break(surroundings, line, rest) if line.spans else []
     head = Head(unseen=unseen)
@@ -188,8 +197,7 @@ def _unseen(
     """What was not looked at: kinds without a rule, wires not seen, ends of the data, points."""
     if not line.spans:
         return ["Anything: no wire was found, so no distance was measured."]
-    kinds = coverage.kinds.frame
-    unruled = [kind for kind, rule in zip(kinds["kind"], kinds["rule"], strict=True) if _none(rule)]
+    unruled = _unruled(coverage)
     told = [f"No rule holds for: {', '.join(unruled)}."] if unruled else []
     told += [
         f"{why}: {count} points."
@@ -203,9 +211,10 @@ def _unseen(
     return told
 
 
-def _none(rule: str) -> bool:
-    """Whether a kind has no rule at all."""
-    return rule.startswith("no rule")
+def _unruled(coverage: Coverage) -> list[str]:
+    """The kinds that have no rule at all."""
+    kinds = coverage.kinds.frame
+    return [str(kind) for kind in kinds["kind"][kinds["rule"].str.startswith("no rule")]]
 
 
 def _summary(
@@ -214,6 +223,7 @@ def _summary(
     rules: Sequence[Rule],
     objects: Sequence[Object],
     listed: pd.DataFrame,
+    coverage: Coverage,
     basis: str,
 ) -> str:
     """What was found, by which rules, and what was looked at: one paragraph."""
@@ -224,7 +234,7 @@ def _summary(
     falling, unruled, unsure = sum(fall), severities.count(NO_RULE), severities.count(UNSURE)
     watched = severities.count("watch") - falling
     near = [one for one, word in zip(objects, severities, strict=True) if word in BROKEN]
-    told = [_too_near(line, rules, near), _in_clumps(listed), _only_moved(listed)]
+    told = [_too_near(line, rules, near, coverage), _in_clumps(listed), _only_moved(listed)]
     told.append(f"Trees that reach a wire if they fall: {falling}." if falling else "")
     told.append(f"Trees that will be too near when they have grown: {watched}." if watched else "")
     told.append(f"Objects that are near and have no rule: {unruled}." if unruled else "")
@@ -240,10 +250,14 @@ def _summary(
     return " ".join(filter(None, told))
 
 
-def _too_near(line: LineStates, rules: Sequence[Rule], near: Sequence[Object]) -> str:
-    """How many objects break a rule, and the most urgent of them."""
+def _too_near(
+    line: LineStates, rules: Sequence[Rule], near: Sequence[Object], coverage: Coverage
+) -> str:
+    """How many objects break a rule, and the most urgent of them; if none, what has no rule."""
     if not near:
-        return "No object is nearer to the conductors than the rules allow."
+        kinds = ", ".join(_unruled(coverage))
+        unruled = f"; there is no rule for: {kinds}" if kinds else ""
+        return f"No object is nearer to the conductors than the rules allow{unruled}."
     words = [rules[one.rule].severity for one in near]
     counts = ", ".join(f"{words.count(word)} {word}" for word in BROKEN if word in words)
     worst = near[0]
@@ -273,7 +287,7 @@ def _looked_at(line: LineStates) -> str:
 
 
 def doubt(rules: Sequence[Rule]) -> str:
-    """Which required distances nobody has read in a document; "" for none."""
+    """Which required distances nobody has read in the regulation itself; "" for none."""
     unsure = [f"{r.kind} {r.threshold:g} m" for r in rules if not r.confirmed]
     if not unsure:
         return ""
@@ -420,7 +434,11 @@ def _required(rules: Sequence[Rule], coverage: Coverage) -> list[Rows | str]:
     near = set(kinds["kind"][kinds["nearest"].notna()])
     told = [rule for rule in rules if rule.severity != NO_RULE or rule.kind in near]
     table = Rows(_rule_table(told), RULE_CAPTION, columns=columns.RULES)
-    return [table] if all(rule.confirmed for rule in told) else [table, TO_CONFIRM, TO_SIGN]
+    doubtful = [rule for rule in told if not rule.confirmed]
+    if not doubtful:
+        return [table]
+    europe = [OF_EUROPE] if any(has_annex(rule.source) for rule in doubtful) else []
+    return [table, TO_CONFIRM, *europe, TO_SIGN]
 
 
 def _rule_table(rules: Sequence[Rule]) -> Table:
@@ -443,10 +461,12 @@ def _rule_table(rules: Sequence[Rule]) -> Table:
 
 
 def _confirmed(rule: Rule) -> str | None:
-    """Whether the value of a rule was read in a document; None of what has no such value."""
+    """Who vouches for the value of a rule; None of what has no such value."""
     if rule.severity in (NO_RULE, UNSURE) or rule.id == FALLING.id:
         return None
-    return "read in the source" if rule.confirmed else "to be confirmed"
+    if not rule.confirmed:
+        return "to be confirmed"
+    return "given by the user" if rule.given else "read in the source"
 
 
 def _wires_text(line: LineStates, conductor: Conductor | None) -> str:

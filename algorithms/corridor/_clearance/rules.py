@@ -7,6 +7,7 @@ same columns.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,7 +81,8 @@ class Rule:
     within : of a vertical distance: it holds for what is no farther to the side than this; of a
         horizontal one: for what is no farther above or below
     severity : one of SEVERITIES
-    confirmed : whether the value was found in a document
+    confirmed : whether the value was read in the regulation itself, or in the study
+    given : whether the user gave it, as a table or as one distance
     """
 
     id: str
@@ -93,6 +95,7 @@ class Rule:
     severity: str
     confirmed: bool
     note: str = ""
+    given: bool = False
 
     def holds_for(self, kind: str) -> bool:
         """Whether the rule holds for points of a kind.
@@ -117,8 +120,19 @@ def unknown_set(name: str) -> str:
 
 
 def is_american(table: Table) -> bool:
-    """Whether a table is one of the USA, where distances are in feet."""
+    """Whether a table is taken as one of the USA: any of its rows, also of a user's, is in feet."""
     return bool((table.frame["unit"] == "ft").any())
+
+
+def has_annex(source: str) -> bool:
+    """Whether a source is a European standard, to which countries have annexes of their own.
+
+    Examples
+    --------
+    >>> has_annex("ČSN EN 50423-1 (Czech Republic)"), has_annex("NERC FAC-003-4")
+    (True, False)
+    """
+    return re.search(r"\bEN \d", source) is not None
 
 
 def basis_of(name: str, voltage: float | None) -> str:
@@ -128,10 +142,10 @@ def basis_of(name: str, voltage: float | None) -> str:
         return (
             f"Distances required: risk classes of a study, {TITLES[name]}; they are no regulation."
         )
-    return (
-        f"Distances required: {TITLES[name]}{at}, as tabulated by this program; the regulation in "
-        "force and its national annex decide."
-    )
+    decides = "the regulation in force decides"
+    if has_annex(TITLES[name]):
+        decides = "the regulation in force and its national annex decide"
+    return f"Distances required: {TITLES[name]}{at}, as tabulated by this program; {decides}."
 
 
 def rule_set(name: str) -> Table:
@@ -141,8 +155,10 @@ def rule_set(name: str) -> Table:
 
 def single(distance: float) -> list[Rule]:
     """The rule that all objects must keep one distance, in metres."""
-    source = "given as the parameter distance"
-    return [Rule("distance", source, "", "any", "3-D", distance, 0.0, "critical", confirmed=True)]
+    source, how = "given as the parameter distance", "critical"
+    return [
+        Rule("distance", source, "", "any", "3-D", distance, 0.0, how, confirmed=True, given=True)
+    ]
 
 
 def rules_of(table: Table, voltage: float | None) -> list[Rule]:

@@ -224,9 +224,49 @@ def signed(report: Report) -> bool:
 
 def test_distances_to_be_confirmed_have_a_place_to_sign() -> None:
     points = cloud(blob(150, 0, float(LEVEL.height(np.array(150.0))) - 1.0), 5)
-    for voltage, wanted in ((380.0, True), (22.0, False)):
-        found = run(points, rules="en_50341", voltage=voltage, falling=False)["report"]
-        assert signed(found) == wanted, voltage
+    for name, voltage, wanted in (
+        ("en_50341", 380.0, True),
+        ("en_50341", 22.0, True),  # from a secondary text
+        ("nerc_fac_003", 345.0, True),  # from two
+        ("cpuc_go95", 345.0, False),
+    ):
+        found = run(points, rules=name, voltage=voltage, falling=False)["report"]
+        assert signed(found) == wanted, (name, voltage)
+        blocks = next(s.blocks for s in found.sections if s.title == "Distances required")
+        assert any("national annex" in str(block) for block in blocks) == (name == "en_50341")
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"distance": 5.0}, "given by the user"),
+        ({"distance": 5.0, "growth": 1.0}, "given by the user"),
+        ({"rule_table": Table(pd.DataFrame([{"confirmed": True}]))}, "given by the user"),
+        ({"rule_table": Table(pd.DataFrame([{"confirmed": False}]))}, "to be confirmed"),
+        ({"rules": "thesis"}, "read in the source"),
+        ({"rules": "nerc_fac_003", "voltage": 345.0}, "to be confirmed"),
+    ],
+)
+def test_the_report_says_who_vouches_for_a_distance(settings: dict[str, Any], told: str) -> None:
+    if "rule_table" in settings:
+        (more,) = settings["rule_table"].frame.to_dict("records")
+        settings = {"rule_table": Table(pd.DataFrame([row(**more)]))}
+    found = run(hung(bits(150.0, 9.0, 3)), falling=False, **settings)["report"]
+    (table, *_) = next(s.blocks for s in found.sections if s.title == "Distances required")
+    assert set(table.table.frame.confirmed.dropna()) == {told}
+
+
+def test_that_nothing_is_too_near_is_said_with_the_kinds_that_have_no_rule() -> None:
+    points = cloud(blob(150, 0, float(LEVEL.height(np.array(150.0))) - 9.0), 5)
+    for settings, told in (
+        ({"distance": 5.0}, "ground, water, rail, road, line"),
+        ({"rule_table": Table(pd.DataFrame([row()]))}, "building, other, ground, water, rail, "),
+    ):
+        summary = run(points, falling=False, **settings)["report"].summary
+        wanted = (
+            "No object is nearer to the conductors than the rules allow; there is no rule for: "
+        )
+        assert summary.startswith(wanted + told)
 
 
 @pytest.mark.parametrize(
@@ -237,6 +277,11 @@ def test_distances_to_be_confirmed_have_a_place_to_sign() -> None:
             {"rules": "en_50341", "voltage": 22.0},
             "EN 50341 and EN 50423 at 22 kV, as tabulated by this program; the regulation in force "
             "and its national annex decide",
+        ),
+        (
+            {"rules": "nerc_fac_003", "voltage": 345.0},
+            "NERC FAC-003-4 at 345 kV, as tabulated by this program; the regulation in force "
+            "decides.",
         ),
         ({"distance": 5.0}, "5 m of all objects, as chosen for this run; it is no regulation"),
     ],
@@ -724,7 +769,7 @@ def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
         part.blocks for part in result["report"].sections if part.title == "Distances required"
     )
     told = rules.table.frame.set_index("rule").confirmed
-    assert told["distance"] == "read in the source"
+    assert told["distance"] == "given by the user"
     assert pd.isna(told["falling"])
     low = LEVEL.height(np.array(150.0))
     assert frame.falls[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
@@ -856,7 +901,7 @@ def test_tables_of_the_toolbox_are_sound(name: str) -> None:
 def test_values_of_known_rules() -> None:
     (mvcd,) = rules_of(rule_set("nerc_fac_003"), 345)
     assert mvcd.threshold == pytest.approx(1.31064)
-    assert mvcd.confirmed
+    assert not mvcd.confirmed, "two secondary texts agree on it; the standard was not read"
     by_id = {r.id: r for r in rules_of(rule_set("ch_lev"), 220)}
     assert by_id["lev-38-direct"].threshold == pytest.approx(4.7)
     assert by_id["lev-102-rail"].threshold == pytest.approx(9.2)
@@ -1108,7 +1153,7 @@ def test_objects_without_a_rule_are_drawn_and_written_for_cad(tmp_path: Path) ->
     for title in ("Map with numbers", "Profiles"):
         assert b'fill="#d01c8b"' in sections[title][0].content
     rules = sections["Distances required"][0].table.frame.set_index("kind")
-    assert rules.confirmed["tree"] == "read in the source"
+    assert rules.confirmed["tree"] == "to be confirmed"
     assert pd.isna(rules.confirmed["other"])
 
 

@@ -243,7 +243,7 @@ class ShorelineExtract:
         if others := [water[k] for k in every if k not in chosen]:
             bodies, place = setting_name("bodies"), setting_name("seed_point")
             how = f"; {bodies} all gives them" if bodies else ""
-            how += f"; {place} chooses one of them" if place else ""
+            how += f"; {place} takes one of them" if place else ""
             log.warning(
                 "points: %d other water bodies were found, and only their outlines are given%s: %s",
                 len(others),

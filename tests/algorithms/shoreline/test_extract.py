@@ -111,7 +111,7 @@ def test_a_pond_at_the_same_level_is_another_body(caplog: pytest.LogCaptureFixtu
     lake_alone = extract(cloud)
     assert iou(only(lake_alone).geometry, CIRCLE) > 0.98
     told = "1 other water bodies were found, and only their outlines are given; bodies all gives"
-    assert f"{told} them; seed_point chooses one of them: about 1" in caplog.text
+    assert f"{told} them; seed_point takes one of them: about 1" in caplog.text
     caplog.clear()
     every = extract(cloud, bodies="all")
     both = every.water.frame

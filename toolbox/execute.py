@@ -14,7 +14,7 @@ from pyproj import CRS
 
 from toolbox import catalog, language, renamed
 from toolbox.context import QUIET, Context, listening, log
-from toolbox.data.crs import foot_of, parse_crs, unit_of, unit_of_lengths
+from toolbox.data.crs import parse_crs, unit_of, unit_of_lengths
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError, memory_named, nearest
@@ -139,7 +139,6 @@ class _Asked:
 
     id: str
     spec: Spec
-    given: frozenset[str]
     settings: Mapping[str, Any]
     reads: Sources
     writes: Mapping[str, Target]
@@ -175,10 +174,9 @@ class _Asked:
         settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
         delivery.tell_missing(writes)
         _tell_idle(whole, [n for n in spec.idle(settings) if given.get(n) is not None])
-        names = frozenset(given)
         spec, crs = spec.under(settings), _crs(assume_crs, id)
         files = Reading.of(read_files(sources.paths(reads)))
-        return cls(id, spec, names, settings, reads, writes, files, crs, told, overwrite, resume)
+        return cls(id, spec, settings, reads, writes, files, crs, told, overwrite, resume)
 
     @property
     def reading(self) -> Reading | None:
@@ -229,19 +227,9 @@ class _Asked:
 
     def _suited(self, layers: Mapping[str, Any]) -> _Asked:
         """What is asked for, with defaults in feet where the data are."""
-        crs = self._crs_of(layers)
-        given = {n: value for n, value in self.settings.items() if n in self.given}
-        fields = self.spec.inputs.items() if (foot := foot_of(crs)) else ()
-        in_feet = {
-            n: field.default_in(foot) for n, field in fields if field.feet and n not in self.given
-        }
-        _tell_lengths(self.spec, {**given, **in_feet}, crs)
-        return replace(self, settings={**self.settings, **in_feet})
-
-    def _crs_of(self, layers: Mapping[str, Any]) -> CRS | None:
-        """The CRS of the first layer that has one."""
-        found = (x for n, value in layers.items() for x in self.spec.sources[n].items(value))
-        return next((layer.crs for layer in found if layer.is_spatial and layer.crs), None)
+        settings = {**self.settings, **self.spec.in_feet({**self.settings, **layers})}
+        _tell_lengths(self.spec, settings, self.spec.crs_of(layers))
+        return replace(self, settings=settings)
 
     def _run(self, layers: Mapping[str, Any], ctx: Context) -> Results:
         """Run the tool on layers that are open, and write what was asked for."""

@@ -6,7 +6,7 @@ import glob
 import os
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,13 @@ from typing import Any
 from toolbox import __version__, catalog
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Report
-from toolbox.data.crs import describe_crs, foot_of, parse_crs, same_crs
+from toolbox.data.crs import FEET, describe_crs, same_crs
 from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
 from toolbox.declare.kinds import find
 from toolbox.errors import DataError, ParameterError
 from toolbox.execute import run
+from toolbox.models.model import Model
 from toolbox.runs import lineage, provenance
 from toolbox.runs.provenance import Input, Record
 from toolbox.runs.source import Source
@@ -89,19 +90,24 @@ def replay(
     return found
 
 
-def _that_were_set(values: Mapping[str, Any], tool: str, crs: str) -> dict[str, Any]:
+def _that_were_set(values: Mapping[str, Any], tool: str, wanted: Iterable[str]) -> dict[str, Any]:
     """The values without defaults: a record names them too, and some no step of a model may use.
 
-    A default that depends on the CRS counts as set where the product has none.
+    A length that has another default for data in feet counts as set wherever it is used: which of
+    the two the run took need not be known then.
+
+    Parameters
+    ----------
+    wanted : the results to make
     """
-    fields = catalog.load(tool).inputs
-    foot = foot_of(parse_crs(crs)) if crs else None
-    defaults = {
-        name: field.to_json(field.default_in(foot))
-        for name, field in fields.items()
-        if field.role == "param" and not field.required and (crs or field.feet is None)
+    spec = catalog.load(tool)
+    idle = (spec.wanting(wanted) if isinstance(spec, Model) else spec).idle(values)
+    defaults: dict[str, list[Any]] = {
+        name: [field.to_json(field.default_in(foot)) for foot in (None, *FEET)]
+        for name, field in spec.inputs.items()
+        if field.role == "param" and not field.required and (field.feet is None or name in idle)
     }
-    return {n: value for n, value in values.items() if n not in defaults or value != defaults[n]}
+    return {n: value for n, value in values.items() if value not in defaults.get(n, ())}
 
 
 @dataclass(frozen=True)
@@ -137,7 +143,8 @@ class _Step:
                 return [layer(item) for item in value]
             return made[value.sha256] if isinstance(value, _Handed) else value
 
-        values = _that_were_set(self.values, self.tool, self.record.crs)
+        wanted = (self.record.output, *self.record.layers)
+        values = _that_were_set(self.values, self.tool, wanted)
         return {n: layer(value) for n, value in values.items()}
 
     def run(self, made: Mapping[str, Any], ctx: Context) -> Any:

@@ -65,6 +65,9 @@ LENGTHS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
 LENGTHS |= {"millimetre": "mm", "centimetre": "cm"}
 """Units of length as people write them, by their names."""
 
+FEET = (0.3048, 1200 / 3937)
+"""Metres of the international foot and of the US survey foot."""
+
 Unit = tuple[str, float]
 """A unit of length as people write it, and its metres."""
 
@@ -315,8 +318,8 @@ def foot_of(crs: CRS | None) -> float | None:
     >>> foot_of(CRS(2222)), foot_of(CRS(32635)), foot_of(CRS(4326))
     (0.3048, None, None)
     """
-    name, metres = unit_of_lengths(crs) or ("", None)
-    return metres if name in (LENGTHS["foot"], LENGTHS["US survey foot"]) else None
+    _, metres = unit_of_lengths(crs) or ("", 1.0)
+    return next((foot for foot in FEET if _close(metres, foot)), None)
 
 
 def own_unit(size: float, unit: Unit | None, power: int = 1, digits: int = 3) -> str:

@@ -9,8 +9,10 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, cast
 
+from pyproj import CRS
+
 from toolbox import __version__
-from toolbox.data.crs import UNITS_OF_LENGTH
+from toolbox.data.crs import UNITS_OF_LENGTH, foot_of
 from toolbox.data.report import Column
 from toolbox.data.vector import Vector
 from toolbox.declare.delivered import Delivered
@@ -316,6 +318,16 @@ class Spec:
     @functools.cached_property
     def sources(self) -> Mapping[str, Field]:
         return {name: f for name, f in self.inputs.items() if f.role == "source"}
+
+    def crs_of(self, values: Mapping[str, Any]) -> CRS | None:
+        """The CRS of the first layer among some values that has one."""
+        layers = (x for n, f in self.sources.items() for x in f.items(values.get(n)))
+        return next((x.crs for x in layers if x is not None and x.is_spatial and x.crs), None)
+
+    def in_feet(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """The defaults for data in feet of inputs without a value, metres; none of other data."""
+        fields = self.inputs.items() if (foot := foot_of(self.crs_of(values))) else ()
+        return {n: f.default_in(foot) for n, f in fields if f.feet and n not in values}
 
     def under(self, settings: Mapping[str, Any]) -> Spec:
         """The specification for these settings; a model may then open its clouds as surveys."""

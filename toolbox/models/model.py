@@ -11,6 +11,7 @@ from typing import Any
 from toolbox import language
 from toolbox.context import QUIET, Context, log, settings_named
 from toolbox.data import PointCloud, Survey
+from toolbox.data.crs import FEET
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import find
@@ -140,7 +141,7 @@ class Model(Spec):
         if problems := self.problems(values) or self.rules(values):
             raise ParameterError(self.id, problems)
         defaults = {name: f.default for name, f in self.inputs.items() if not f.required}
-        return ModelRun(self, defaults | values)
+        return ModelRun(self, defaults | self.in_feet(values) | values)
 
     def subset(self, names: Collection[str]) -> Model:
         """The model with these steps only, and the outputs that refer to them."""
@@ -187,8 +188,13 @@ class Model(Spec):
         return list(dict.fromkeys(step.spec.title for step in using))
 
     def halo(self, settings: Mapping[str, Any]) -> float:
-        """The largest distance in metres that a result looks into the sources."""
-        return max(self.reach(settings).values(), default=0.0)
+        """The largest distance in metres that a result looks into the sources.
+
+        Lengths without a value may be those for data in metres or in feet, which is not known yet.
+        """
+        in_feet = {n: f.default_in(max(FEET)) for n, f in self.inputs.items() if f.feet}
+        each = (self.reach(settings), self.reach({**in_feet, **settings}))
+        return max((metres for reach in each for metres in reach.values()), default=0.0)
 
     def reach(self, settings: Mapping[str, Any]) -> dict[str, float]:
         """The distance in metres that the results of each active step look into the sources."""

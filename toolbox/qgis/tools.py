@@ -143,7 +143,8 @@ def _offered_of(f: Field, spec: Spec) -> dict[str, list[str]]:
 def field(f: Field) -> dict[str, Any]:
     """The entry of one input or output: its widget, and the rules of its values."""
     label = language.text(f.title)
-    help = "; ".join(filter(None, (language.text(f.help), language.told(f.default_of_feet))))
+    feet = f"{f.feet:g} ft for data in feet while the box has its default" if f.feet else ""
+    help = "; ".join(filter(None, (language.text(f.help), language.told(feet))))
     made: dict[str, Any] = {"name": f.name, "type": _type(f), "help": help}
     asked = f.role != "sink" and made["type"] == "length"  # whose box has the unit beside it
     if f.unit and f.unit != "1" and not asked:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from pyproj import CRS
-
 from toolbox import __version__, language
 from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import (
     Unit,
     describe_crs,
+    foot_of,
     height_system,
     is_local,
 )
@@ -19,7 +18,7 @@ from toolbox.data.layer import Layer
 from toolbox.data.report import unit_text
 from toolbox.declare.fields import Field, Spec
 from toolbox.reports import words
-from toolbox.reports.units import unit_of_data
+from toolbox.reports.units import crs_of, unit_of_data
 
 if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
@@ -69,8 +68,7 @@ def survey_date(layers: list[Layer]) -> str:
 
 def _places(layers: list[Layer]) -> list[tuple[str, str]]:
     """CRS and height system of the first layer that has a place."""
-    crs: CRS | None = next((x.crs for x in layers if x.is_spatial and x.crs is not None), None)
-    if crs is None:
+    if (crs := crs_of(layers)) is None:
         return []
     text = describe_crs(crs)
     named = "local coordinates, no position on the Earth" if is_local(crs) else text
@@ -90,18 +88,18 @@ def _inputs(record: Record | None) -> Iterator[str]:
 def chosen_settings(spec: Spec, record: Record | None, layers: Sequence[Layer] = ()) -> str:
     """The settings that differ from their defaults, and those that must always be told.
 
-    Lengths are told in metres, and in the unit of the first layer that has another one. What no
-    step that runs uses is not told.
+    Lengths are told in metres, and in the unit of the first layer that has another one; in feet,
+    some have other defaults. What no step that runs uses is not told.
     """
     if record is None:
         return ""
-    data_unit, parts = unit_of_data(layers), []
+    data_unit, foot, parts = unit_of_data(layers), foot_of(crs_of(layers)), []
     idle = spec.idle(record.parameters)
     for name, value in record.parameters.items():
         field = spec.inputs[name]
         if record.parameters.get(_INSTEAD.get(name, "")) is not None or name in idle:
             continue
-        default = None if field.required else field.to_json(field.default)
+        default = None if field.required else field.to_json(field.default_in(foot))
         if value is not None and (value != default or name in _ALWAYS):
             parts.append(f"{language.text(field.title)} {_told(field, value, data_unit)}")
     return "; ".join(parts)

@@ -76,7 +76,8 @@ def page(
         plots.insert(1, Section("3-D view", [view]))
     own = [section for report in reports for section in report.sections]
     listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}
-    unit = unit_of_data(layers_of(told.given, found))
+    every = layers_of(told.given, found)
+    unit = unit_of_data(every)
     sections = [
         *(in_order(plots) or _pictures(found, spec)),
         *own,
@@ -91,7 +92,7 @@ def page(
         ),
         *_sizes(spec, layers),
         *_settings(spec, record, unit),
-        *_made(spec, record),
+        *_made(spec, record, every),
     ]
     summary, head = said(spec, found, record, told)
     return Report(spec.title, in_unit(sections, unit), summary=summary, head=head, name=spec.id)
@@ -141,10 +142,11 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
 
     It is the same whether the run was in tiles or not, as it shows none of the other results.
     """
-    unit = unit_of_data(layers_of(told.given if told else {}, {}))
+    given = layers_of(told.given if told else {}, {})
+    unit = unit_of_data(given)
     facts = facts_of(spec, {}, record, {})
     head = _head(facts, told.warnings if told else (), report.head.unseen, unit)
-    sections = [*report.sections, *_settings(spec, record, unit), *_made(spec, record)]
+    sections = [*report.sections, *_settings(spec, record, unit), *_made(spec, record, given)]
     summary = "\n".join(in_both(line, unit) for line in report.summary.splitlines())
     shown = in_unit(sections, unit)
     return Report(report.title, shown, summary=summary, head=head, name=report.name)
@@ -296,7 +298,7 @@ def _settings(spec: Spec, record: Record | None, unit: Unit | None) -> list[Sect
     return [Section("Settings", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
 
 
-def _made(spec: Spec, record: Record | None) -> list[Section]:
+def _made(spec: Spec, record: Record | None, layers: Sequence[Layer]) -> list[Section]:
     """Section with the whole record; on paper with what identifies tool and inputs alone."""
     if record is None:
         return []
@@ -310,7 +312,7 @@ def _made(spec: Spec, record: Record | None) -> list[Section]:
         for name, items in record.inputs.items()
         for item in items
     ]
-    chosen = chosen_settings(spec, record) or "none"
+    chosen = chosen_settings(spec, record, layers) or "none"
     text = (
         f"{spec.title} ({spec.id}), lidar-toolbox {record.version}. Settings other than the "
         f"defaults: {chosen}. The sizes of all steps are on the page for browsers, and in the "

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pyproj import CRS
 
 from toolbox import language
 from toolbox.data import Rows, Section, Table
@@ -35,7 +36,12 @@ _IN_METRES = "_m"  # end of the name of a column that holds in metres what anoth
 
 def unit_of_data(layers: Iterable[Layer]) -> Unit | None:
     """The unit of lengths and heights of the first layer with a place; None of metres."""
-    return unit_of_lengths(next((x.crs for x in layers if x.is_spatial and x.crs), None))
+    return unit_of_lengths(crs_of(layers))
+
+
+def crs_of(layers: Iterable[Layer]) -> CRS | None:
+    """The CRS of the first layer with a place."""
+    return next((x.crs for x in layers if x.is_spatial and x.crs), None)
 
 
 def converted(value: Any, unit: str, own: Unit | None) -> tuple[Any, str]:

@@ -854,3 +854,20 @@ def test_inputs_have_the_labels_of_the_parameters_that_they_feed(load: Load) -> 
     assert made.text.startswith("Move points.\n\n")
     found = problems(load, "tags: dtm\n" + chain(steps, out, inputs))
     assert found == {"tags": "must be a list of words, got 'dtm'"}
+
+
+def test_defaults_in_feet_are_those_of_models_in_models_too(
+    load: Load, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The inner model had taken its default in metres."""
+    by = "  by: {type: number, default: 1.0, feet: 6, unit: m, help: How far}\n"
+    step = f"steps: {{a: {SHIFT}, by: {{from: inputs.by}}}}}}\n"
+    made = "outputs: {moved: {from: a.moved, help: Moved}}\n"
+    inner = load(HEAD.replace("my.test", "my.inner") + by + step + made)
+    monkeypatch.setitem(TOYS, "my.inner", inner)
+    outer = load(f"{HEAD}steps: {{a: {SHIFT.replace('toy.shift', 'my.inner')}}}}}\n{made}")
+    for crs, moved in ((2263, 6.0), (32635, 1.0)):
+        points = PointCloud(np.array([[0.0, 0, 5]]), crs=CRS(crs))
+        assert outer.build({"points": points}).run().moved.xyz[0, 2] == pytest.approx(5 + moved)
+    assert outer.halo({}) == pytest.approx(6 * 1200 / 3937), "whichever is the farther"
+    assert inner.halo({"by": 0.5}) == 0.5

@@ -88,3 +88,12 @@ def test_columns_have_headings_units_and_digits_as_files_hold_them() -> None:
     )
     told = objects["columns"]["probability"]
     assert told == ["Probability that the rule is broken", "", 2], "a share of 1, not percent"
+
+
+def test_a_box_at_its_default_is_said_to_be_another_length_for_data_in_feet() -> None:
+    """Of a typed 1 m, which is the default, nobody said that cells become 3 ft wide."""
+    (cell,) = [f for f in tool(catalog.load("models.terrain"))["inputs"] if f["name"] == "cell"]
+    assert cell["help"].endswith("; 3 ft for data in feet while the box has its default")
+    with language.speaking("tr"):
+        (cell,) = [f for f in tool(catalog.load("models.terrain"))["inputs"] if f["name"] == "cell"]
+    assert cell["help"].endswith("feet birimindeki veride 3 ft")

@@ -34,6 +34,7 @@ inputs:
   points: {type: PointCloud, help: Points}
   cell: {type: number, default: 2.0, feet: 3, unit: m, gt: 0, help: Size of the cells}
   interval: {type: number, default: 1.0, feet: 2, unit: m, gt: 0, help: Height between two lines}
+  shortest: {type: number, default: 9.0, feet: 20, unit: m, help: Length, label: Shortest line}
 steps:
   top: {tool: surface.grid, points: {from: inputs.points}, method: max, cell: {from: inputs.cell}}
 outputs:
@@ -41,7 +42,8 @@ outputs:
   share: {from: top.filled_share, help: Share of cells with a value}
 deliver:
   steps:
-    lines: {tool: surface.contours, surface: {from: top.surface}, interval: {from: inputs.interval}}
+    lines: {tool: surface.contours, surface: {from: top.surface}, interval: {from: inputs.interval},
+      min_length: {from: inputs.shortest}}
     named: {tool: vectors.merge, layers: [{from: lines.contours}], layer_names: [contours]}
   files:
     - {file: report.html, from: page, help: The report}
@@ -134,11 +136,56 @@ def test_defaults_of_data_in_feet_are_round_in_feet(
     assert sorted(levels.unique()) == [102.0, 104.0, 106.0]
     text = " ".join((out / "README.txt").read_text().split())
     assert "Cell size 3 US ft (0.9144 m); Height between lines 2 US ft (0.6096 m)" in text
+    assert "Shortest line" not in text, "a default is no choice"
+    caplog.clear()
     for name in ("top.tif", "lines.gpkg"):
         assert replay(out / name, inputs=tmp_path) == []
+    assert "is not used" not in caplog.text, "nobody has set what no step of theirs uses"
     tiling = Tiling(size=6.0, workers=1)
     toolbox.run(model, {"points": feet, "surface": tmp_path / "tiles.tif"}, tiling=tiling)
     assert Raster.open(tmp_path / "tiles.tif").cell == 3.0
+
+
+def test_the_default_in_metres_is_a_choice_of_data_in_feet(model: str, tmp_path: Path) -> None:
+    feet, out = tmp_path / "feet.laz", tmp_path / "out"
+    hill("EPSG:2263").save(feet)
+    toolbox.run(model, {"points": feet, "shortest": 9.0, "deliver": out})
+    assert "Shortest line 9 m (29.53 US ft)" in " ".join((out / "README.txt").read_text().split())
+
+
+REPROJECTING = """
+id: toy.metric
+title: Hills in metres
+inputs:
+  points: {type: PointCloud, help: Points}
+  cell: {type: number, default: 1.0, feet: 3, unit: m, gt: 0, help: Size of the cells}
+steps:
+  metric: {tool: points.reproject, points: {from: inputs.points}, crs: "EPSG:26918"}
+  top: {tool: surface.grid, points: {from: metric.reprojected}, cell: {from: inputs.cell}}
+outputs:
+  surface: {from: top.surface, help: Heights}
+"""
+
+
+@pytest.mark.parametrize(("given", "cell"), [({}, 3 * FOOT), ({"cell": 1.0}, 1.0)])
+def test_products_in_metres_of_data_in_feet_are_made_again(
+    given: dict[str, Any], cell: float, tmp_path: Path
+) -> None:
+    """Given cells of 1 m were taken for the default, and made again of 3 ft."""
+    feet, made, model = tmp_path / "feet.laz", tmp_path / "made.tif", tmp_path / "metric.yaml"
+    model.write_text(REPROJECTING)
+    points = hill("EPSG:2263")
+    points.with_xyz(points.xyz + np.array([5e5, -4.2e6, 0])).save(feet)
+    toolbox.run(str(model), {"points": feet, **given, "surface": made})
+    assert Raster.open(made).cell == pytest.approx(cell)
+    assert replay(made, inputs=tmp_path) == []
+
+
+def test_defaults_in_feet_are_those_of_models_in_python_too(model: str) -> None:
+    spec = catalog.load(model)
+    assert spec.build({"points": hill("EPSG:2263")}).run().surface.cell == 3.0
+    assert spec.build({"points": hill("EPSG:2263"), "cell": 2.0}).run().surface.cell != 3.0
+    assert spec.build({"points": hill()}).run().surface.cell == 2.0
 
 
 def test_settings_that_are_given_stay_metres_of_data_in_feet(model: str, tmp_path: Path) -> None:

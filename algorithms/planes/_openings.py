@@ -101,6 +101,12 @@ class Opening(NamedTuple):
         beside = (front.uv[:, 0] > left - 1 * metre) & (front.uv[:, 0] < right + 1 * metre)
         sill = bottom - float(front.uv[front.own & beside, 1].min(initial=bottom))
         kind = kind_of(top - bottom, sill, self.hidden, metre)
+        known = dict(zip(SIDES, self.intervals, strict=True))
+        unsure, hidden = self.unsure.split(", "), self.hidden.split(", ")
+        if kind == "door":  # the ground is its lower end: no wall is below
+            known["bottom"] = math.nan
+            unsure = [side for side in unsure if side != "bottom"]
+            hidden = [side for side in hidden if side != "bottom"]
         return {
             "kind": kind,
             "width": right - left,
@@ -110,10 +116,10 @@ class Opening(NamedTuple):
             "set_back": self.set_back,
             "seen": self.seen,
             "edge_seen": self.edge_seen,
-            "hidden": self.hidden,
-            **{f"{s}_interval": x for s, x in zip(SIDES, self.intervals, strict=True)},
-            "edge_interval": max(filter(math.isfinite, self.intervals), default=math.nan),
-            "unsure": self.unsure,
+            "hidden": ", ".join(hidden),
+            **{f"{side}_interval": half for side, half in known.items()},
+            "edge_interval": max(filter(math.isfinite, known.values()), default=math.nan),
+            "unsure": ", ".join(unsure),
             "rectangle": len(shapely.get_coordinates(self.shape)) == 5,
             "found_by": self.found_by,
             "certainty": self.certainty * (OF_TWO if kind == EITHER else 1.0),
@@ -442,7 +448,8 @@ def _with_intervals(one: Opening, uv: Floats, front: Relief) -> Opening:
 
     An edge is as sure as the points are near each other, where the rows of points on the wall end
     at it evenly; else it may be as far away as the ends of half of the rows, or of the last ones.
-    Rows that are not there end farther away than is looked at.
+    Rows that are not there end farther away than is looked at; if they are half of all, the side
+    was not seen.
 
     Parameters
     ----------
@@ -455,13 +462,16 @@ def _with_intervals(one: Opening, uv: Floats, front: Relief) -> Opening:
             continue
         all_rows = MIDDLE * (box[3 - side % 2] - box[1 - side % 2]) / (2 * apart)
         lost = np.full(max(math.ceil(all_rows) - len(ends), 0), -NEAR_EDGE * apart)
+        if len(lost) >= len(ends):
+            hidden.append(SIDES[side])
+            continue
         off = abs(float(np.median([*(ends - sign * box[side]), *lost])))
-        if len(ends):
-            off = max(off, abs(float(np.quantile(ends, EDGE)) - sign * box[side]))
+        off = max(off, abs(float(np.quantile(ends, EDGE)) - sign * box[side]))
         intervals[side] = SHARP * apart + off
         if off > UNEVEN * apart:
             unsure.append(SIDES[side])
-    return one._replace(intervals=tuple(intervals), unsure=", ".join(unsure))
+    names = ", ".join(side for side in SIDES if side in hidden)
+    return one._replace(intervals=tuple(intervals), unsure=", ".join(unsure), hidden=names)
 
 
 def marked(

@@ -12,7 +12,7 @@ import pandas as pd
 import shapely
 
 from algorithms.planes import _columns as columns
-from algorithms.planes._sheet import PENS, SIDES, Sheet, rounded, unsure_sides
+from algorithms.planes._sheet import PENS, SIDES, Sheet, rounded
 from toolbox.context import QUIET, Context
 from toolbox.data import Drawing, Table, Vector
 from toolbox.data.plan import Plan
@@ -186,7 +186,7 @@ class PlanesDrawing:
         if math.isfinite(half):
             shown = f"{half / sheet.metre * sheet.shown:.{0 if unit == 'mm' else 2}f} {unit}"
             star = "; * see the schedule" if sheet.starred else ""
-            said.append(("Accuracy", f"edges of openings ± {shown} (95 %){star}"))
+            said.append(("Accuracy", f"edges of openings ± {shown} (95 %, the median){star}"))
         if columns.UNSEEN in there:
             said.append(("Crossed", "no point of the wall was seen there; openings may be hidden"))
         if columns.DATA_EDGE in there:
@@ -196,14 +196,11 @@ class PlanesDrawing:
         return said
 
     def _sure(self) -> float:
-        """The largest uncertainty of the sides without a star, in the unit of the elevation."""
+        """The median uncertainty of the sides that were seen, in the unit of the elevation."""
         found = _openings(self.elevation.frame)
-        known = [
-            float(getattr(one, f"{side}_interval", math.nan))
-            for one in found.itertuples()
-            for side in SIDES.keys() - unsure_sides(one)
-        ]
-        return float(np.nanmax(known)) if np.isfinite(known).any() else math.nan
+        sides = [f"{side}_interval" for side in SIDES]
+        known = found.reindex(columns=sides).to_numpy(float)
+        return float(np.nanmedian(known)) if np.isfinite(known).any() else math.nan
 
 
 def _openings(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:

@@ -264,17 +264,22 @@ def with_intervals(frame: geopandas.GeoDataFrame, metre: float = 1.0) -> geopand
     return frame
 
 
-def test_the_title_block_says_how_sure_the_edges_without_a_star_are() -> None:
+def test_the_title_block_says_how_sure_the_edges_are_as_the_report_does() -> None:
     layer = Vector(with_intervals(elevation().frame), name="elevation")
     for unit, says in (("m", "0.02 m"), ("mm", "21 mm")):
         out = PlanesDrawing(elevation=layer, unit=unit).run()  # type: ignore[arg-type]
         told = texts(out.drawing.frame, "title")
-        assert f"edges of openings ± {says} (95 %); * see the schedule" in told
+        assert f"edges of openings ± {says} (95 %, the median); * see the schedule" in told
         assert texts(out.drawing.frame, "numbers")[:3] == ["1", "2*", "3"]
         assert [row["edge_mm"] for row in out.schedule.rows()] == [21, 300, 21]
         assert [row["unsure"] for row in out.schedule.rows()] == ["", "right", ""]
     broken = out.drawing.frame.query("layer == 'data_edge'").geometry
     assert len(broken) == 1
+    frame = layer.frame.assign(left_interval=[None, 0.021, 0.021, 0.9])
+    drawn = PlanesDrawing(elevation=Vector(frame)).run().drawing.frame
+    assert "edges of openings ± 0.02 m (95 %, the median); * see the schedule" in texts(
+        drawn, "title"
+    )
 
 
 def test_what_was_not_seen_is_crossed_out() -> None:

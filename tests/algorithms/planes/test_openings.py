@@ -17,7 +17,7 @@ from pyproj import CRS
 
 from algorithms.planes._fronts import outside
 from algorithms.planes._gaps import _squares
-from algorithms.planes._openings import EITHER, SIDES, Opening, kind_of
+from algorithms.planes._openings import EITHER, SIDES, Opening, _with_intervals, kind_of
 from algorithms.planes._relief import _held, _holes, _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
@@ -582,6 +582,30 @@ def test_sides_are_as_sure_as_their_points_and_uneven_ones_are_named() -> None:
     ends = np.array([[*one[:, [0, 2]].min(axis=0), *one[:, [0, 2]].max(axis=0)] for one in corners])
     assert (np.abs(ends - np.array(boxes[1:])) <= sure).mean() >= 0.9
     assert "unsure: 1 of 16; that were not seen and may be elsewhere: 0." in out.in_words()
+
+
+def test_the_lower_side_of_a_door_is_the_ground_and_has_no_interval() -> None:
+    relief = types.SimpleNamespace(uv=np.zeros((1, 2)), own=np.ones(1, bool))
+    known = {"intervals": (0.02, 0.9, 0.03, 0.02), "unsure": "bottom"}
+    for height, interval, unsure in ((2.1, 0.03, ""), (1.0, 0.9, "bottom")):
+        shape = shapely.box(0, 0.1, 1, 0.1 + height)
+        one = Opening(shape, 9, 0.1, 0.9, "", "recess", 0.9, **known)  # type: ignore[arg-type]
+        row = one.row(relief, 1.0)  # type: ignore[arg-type]
+        assert (row["edge_interval"], row["unsure"]) == (interval, unsure)
+        assert np.isnan(row["bottom_interval"]) == (row["kind"] == "door")
+
+
+def test_a_side_of_which_half_of_the_rows_are_not_there_was_not_seen() -> None:
+    """Points 0.1 apart around a square; a part of the wall right of it returned nothing."""
+    u, v = np.meshgrid(np.arange(0.05, 3, 0.1), np.arange(0.05, 3, 0.1))
+    wall = (np.abs(u - 1.5) > 0.5) | (np.abs(v - 1.5) > 0.5)
+    one = Opening(shapely.box(1, 1, 2, 2), 9, 0.1, 0.9, "", "recess", 0.9)
+    for lost, hidden in ((0.0, ""), (1.0, "right")):
+        kept = wall & ~((u > 2) & (u < 2.6) & (v > 1) & (v < 1 + lost))
+        uv = np.column_stack([u[kept], v[kept]])
+        made = _with_intervals(one, uv, types.SimpleNamespace(apart=0.1))  # type: ignore[arg-type]
+        assert made.hidden == hidden
+        assert np.isnan(made.intervals).tolist() == [side == hidden for side in SIDES]
 
 
 @pytest.mark.slow

@@ -28,6 +28,7 @@ from toolbox.errors import DataError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 LEVEL, SLOPE = "level", "slope"  # attributes of a polygon of water
+NO_SHORE = 1.0  # m below the water, as high as a wall: more than noise, waves and ditches explain
 
 
 @tool(
@@ -154,7 +155,9 @@ class SurfaceFlattenWater:
             heights[part] = np.where(filled, level, heights[part])
             heights[part] = without_gaps(heights[part], inside, reach)
         raised = (heights != before) & ~wet & np.isfinite(before)
-        most = float(np.max((heights - before)[raised], initial=0.0))
+        rise = np.where(raised, heights - before, 0.0)
+        most = float(rise.max(initial=0.0))
+        self._tell_no_shore(rise, lattice)
         if closed := np.count_nonzero(np.isnan(before) & np.isfinite(heights) & ~wet):
             log.warning(
                 "%d empty cells at shores have heights between water and ground, at most %g m from "
@@ -180,6 +183,24 @@ class SurfaceFlattenWater:
             largest_raise=most,
             bodies=level_bodies,
         )
+
+    def _tell_no_shore(self, rise: Array, lattice: Lattice) -> None:
+        """Log where ground was raised by more than a shore is lower: the water may be none."""
+        unit, metres = unit_of_heights(self.terrain.crs) or ("m", 1.0)
+        if deep := np.count_nonzero(rise * metres > NO_SHORE):
+            row, col = np.unravel_index(rise.argmax(), rise.shape)
+            east, north = lattice.centres()
+            log.warning(
+                "%d cells beside water were raised by more than %g m, by up to %.2f %s at "
+                "%.1f,%.1f: so low ground is no shore, and the water there may be none, or held by "
+                "a dam that is narrower than the cells",
+                deep,
+                NO_SHORE,
+                rise.max(),
+                unit,
+                east[col],
+                north[row],
+            )
 
     def _with_water(self, terrain: NDArray[np.float32], laid: Mask) -> Raster:
         """The surface, nowhere below the water and the shore that was raised to it."""

@@ -109,6 +109,24 @@ def test_the_reach_of_what_is_made_up_is_told_in_metres(caplog: pytest.LogCaptur
     assert "at most 2 m from the water" in caplog.text
 
 
+def test_water_far_above_the_ground_beside_it_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """A pond on a river bank that was none raised ground by 7.48 ft, and no warning named it."""
+    feet = CRS(2263)
+    for ditch, crs, told in (
+        (9.0, UTM, ""),  # a metre, as a ditch may be deep
+        (7.0, feet, ""),
+        (6.0, feet, "20 cells beside water were raised by more than 1 m, by up to 4.00 US ft at"),
+        (7.0, UTM, "20 cells beside water were raised by more than 1 m, by up to 3.00 m at"),
+    ):
+        z = bowl().band().copy()
+        z[z == 9.0] = ditch
+        caplog.clear()
+        SurfaceFlattenWater(terrain=replace(raster(z), crs=crs), water=pond(crs=crs)).run()
+        assert told in caplog.text
+        assert bool(told) == bool(caplog.text)
+    assert f"{WEST + 2.5:.1f},{NORTH - 2.5:.1f}" in caplog.text
+
+
 def test_heights_keep_their_unit() -> None:
     """A report said no unit, and no range in words, of a terrain that had lost it."""
     terrain = replace(bowl(), units=("metre",))

@@ -81,6 +81,7 @@ COMPACT = 0.8  # of the cells of a part at one level are in one piece
 CONTACT = 0.5  # of the root of the cells of a body: so wide it meets another that it is part of
 RIVER = 4  # smallest river, in smallest bodies
 TILTED = 0.6  # share of the variance of these points that a plane explains, on a slope
+FEW = "few returns"  # evidence that thin points on land give, too
 LEVEL_ALONE = "level"  # evidence that is not enough, unless it is the level of other water
 LARGE = 500.0  # m2 of such a surface that need not be dark
 VERY_DARK = 0.75  # and of one that returns its pulses
@@ -391,7 +392,9 @@ class Pour:
         """The body that holds water poured on some cells up to a level; empty if it runs off.
 
         Rough water is known by being dark: meadows are level, and woods return few pulses, too.
-        What is known by its level alone has to wait until the last: it may be a square by a lake.
+        What holds behind dikes alone, and is seen, must be level or dark, too: hedges and grass
+        around thin points look like dikes. What is known by its level alone has to wait until the
+        last: it may be a square by a lake.
         """
         if (self.state.ravel()[starts] == TAKEN).mean() > 0.5:  # found from elsewhere
             return []
@@ -413,6 +416,8 @@ class Pour:
         if judged and not judged.holds and (dikes or self._above_water(body, level) > most_lower):
             self._note(starts, level, tilt)
             judged, why = None, f"it is a bank of water {DROP:g} m lower"
+        if judged and dikes and judged.evidence == FEW and self._is_seen(body):
+            judged, why = None, "water would run off, unless over dikes, and it is not level"
         if not last and (judged is None or judged.doubtful):
             doubtful = judged is not None
             self.later.append(_Later((starts, level, tilt), rough, doubtful, body, len(shore)))
@@ -427,6 +432,10 @@ class Pour:
         """Cells with points near a body that are no water found: what it is compared with."""
         shore = shore_of(self.cells, body)
         return np.asarray(shore[self.state.ravel()[shore] != TAKEN])
+
+    def _is_seen(self, body: Ints) -> bool:
+        """Whether most cells of a body have points, which tell whether it is level or dark."""
+        return bool((self.cells.count.ravel()[body] > 0).mean() > 0.5)
 
     def _note(self, starts: Ints, level: float, tilt: Tilt) -> None:
         """Keep a place that water runs off from, if it is large and nearly all of it is level."""
@@ -745,10 +754,8 @@ def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
             heights = cells.middle.ravel()[rest]
             level = mode(heights, step / 2)
             at = abs(heights - level) <= step
-            for piece in connected(
-                cells.lattice, rest[at], least
-            ):  # a slope elsewhere is at it, too
-                yield piece, level, LEVEL
+            if at.sum() >= least:
+                yield rest[at], level, LEVEL
             rest = rest[~at]
 
 
@@ -820,7 +827,7 @@ def judge(
     level_enough = tilt == LEVEL and _is_level(cells, body)
     across = tilt != LEVEL and dark >= VERY_DARK and flows(cells, body, tilt)
     reasons = {
-        "few returns": lost <= SPARSE,
+        FEW: lost <= SPARSE,
         "level": level_enough,
         "level across": across,
         "dark": dark >= DARK and not (level_enough and _bent(cells, body)),

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from toolbox.data.report import Column
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SIDES = ("left", "bottom", "right", "top")
+"""Of an opening, in the order of the bounds of a shape."""
 
 PLANES = {
     "plane_id": Column("Plane"),
@@ -61,7 +72,7 @@ OPENINGS = {
     ),
     **{
         f"{side}_interval": Column("", "unit", meaning=f"Uncertainty of the {side} side (95 %)")
-        for side in ("left", "bottom", "right", "top")
+        for side in SIDES
     },
     "rectangle": Column("Rectangle"),
     "found_by": Column("Found by"),
@@ -123,3 +134,10 @@ DRAWING = {
     "anchor": Column("", meaning="left where the text begins at its point, else it is centred"),
     "about": Column("", meaning="What of the set stands there: title, client, date or number"),
 }
+
+
+def usual_interval(openings: pd.DataFrame) -> float:
+    """Median uncertainty of the sides that were seen, in the unit of the data; NaN without any."""
+    each = openings.reindex(columns=[f"{side}_interval" for side in SIDES]).to_numpy(float)
+    known = each[np.isfinite(each)]
+    return float(np.median(known)) if len(known) else math.nan

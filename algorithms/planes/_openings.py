@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from algorithms.planes._columns import SIDES
 from algorithms.planes._gaps import Gap, gaps, in_grid
 from algorithms.planes._outlines import outline
 from algorithms.planes._relief import DEVIATION, Relief
@@ -29,7 +30,6 @@ HOLE = 2.5  # radius of a hole of the wall over the distance of neighbours: 20 p
 NEAR_EDGE = 5.0  # distance of an edge from that of its squares, over that of neighbours, at most
 BEHIND = 2 / 3  # depth over the distance of neighbours, beyond which a point is behind the wall
 BLIND = "wall at its back: a blind niche, or shutters as bright as the wall"
-SIDES = ("left", "bottom", "right", "top")
 BESIDE = 4.0  # distance of a point from an edge that is seen, over that of neighbours
 EMPTY = 1.5  # the same behind the opening: one in thirty random half circles has none
 DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the foot of the wall
@@ -63,7 +63,6 @@ COLUMNS = (
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
-Intervals = tuple[float, ...]
 
 
 class Opening(NamedTuple):
@@ -92,7 +91,7 @@ class Opening(NamedTuple):
     found_by: str
     certainty: float
     niche: bool = False
-    intervals: Intervals = (math.nan,) * 4
+    intervals: tuple[float, ...] = (math.nan,) * 4
     unsure: str = ""
 
     def row(self, front: Relief, metre: float) -> dict[str, Any]:
@@ -409,9 +408,8 @@ def _rectangle(box: tuple[float, ...], uv: Floats, apart: float) -> Any:
     uv : array of shape (n, 2), points of the wall
     """
     sides: list[float] = list(box)
-    for side, sign, ends in _row_ends(box, uv, apart):
-        low, high = box[1 - side % 2], box[3 - side % 2]
-        if len(ends) >= max(FEWEST_ROWS, ROWS * MIDDLE * (high - low) / (2 * apart)):
+    for side, sign, ends, most in _row_ends(box, uv, apart):
+        if len(ends) >= max(FEWEST_ROWS, ROWS * most):
             sides[side] = sign * float(np.quantile(ends, EDGE))
     if sides[0] >= sides[2] or sides[1] >= sides[3]:
         return None
@@ -420,7 +418,7 @@ def _rectangle(box: tuple[float, ...], uv: Floats, apart: float) -> Any:
 
 def _row_ends(
     box: tuple[float, ...], uv: Floats, apart: float
-) -> Iterator[tuple[int, float, Floats]]:
+) -> Iterator[tuple[int, float, Floats, float]]:
     """Where the rows of points of the wall end at the sides of a rectangle.
 
     Yields
@@ -428,6 +426,7 @@ def _row_ends(
     side : its place in SIDES
     sign : by which coordinates are multiplied, so that they rise towards the rectangle
     ends : array of shape (rows,), the last such coordinate of each row near the side
+    most : number of rows along the side, if none is lost
     """
     for axis in (0, 1):
         low, high = box[1 - axis], box[3 - axis]
@@ -440,7 +439,7 @@ def _row_ends(
             rows, number = np.unique(row[close], return_inverse=True)
             ends = np.full(len(rows), -np.inf)
             np.maximum.at(ends, number, sign * near[close, axis])
-            yield side, sign, ends
+            yield side, sign, ends, MIDDLE * (high - low) / (2 * apart)
 
 
 def _with_intervals(one: Opening, uv: Floats, front: Relief) -> Opening:
@@ -457,11 +456,10 @@ def _with_intervals(one: Opening, uv: Floats, front: Relief) -> Opening:
     """
     hidden, box, apart = one.hidden.split(", "), one.shape.bounds, front.apart
     intervals, unsure = [math.nan] * 4, []
-    for side, sign, ends in sorted(_row_ends(box, uv, apart), key=lambda found: found[0]):
+    for side, sign, ends, most in sorted(_row_ends(box, uv, apart), key=lambda found: found[0]):
         if SIDES[side] in hidden:
             continue
-        all_rows = MIDDLE * (box[3 - side % 2] - box[1 - side % 2]) / (2 * apart)
-        lost = np.full(max(math.ceil(all_rows) - len(ends), 0), -NEAR_EDGE * apart)
+        lost = np.full(max(math.ceil(most) - len(ends), 0), -NEAR_EDGE * apart)
         if len(lost) >= len(ends):
             hidden.append(SIDES[side])
             continue

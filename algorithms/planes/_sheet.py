@@ -37,7 +37,7 @@ WIDEST = 45  # letters that fit into the title block for what a set says of itse
 ROW = 1.8  # heights of a text from one line of the title block to the next
 SMALL = 0.72  # height of levels over that of other texts: 1.8 mm, the least of ISO 3098, for 2.5
 MILLIMETRES = 1000.0  # in a metre
-SIDES = {"left": (0, 3), "bottom": (0, 1), "right": (1, 2), "top": (2, 3)}  # corners of a box
+CORNERS = {"left": (0, 3), "bottom": (0, 1), "right": (1, 2), "top": (2, 3)}  # of sides of a box
 
 
 class Sheet:
@@ -122,9 +122,9 @@ class Sheet:
             return
         left, bottom, right, top = one.geometry.bounds
         ring = [(left, bottom), (right, bottom), (right, top), (left, top)]
-        for layer, sides in (("openings", SIDES.keys() - hidden), (columns.DATA_EDGE, hidden)):
+        for layer, sides in (("openings", CORNERS.keys() - hidden), (columns.DATA_EDGE, hidden)):
             drawn = shapely.MultiLineString(
-                [[ring[k] for k in SIDES[side]] for side in sorted(sides)]
+                [[ring[k] for k in CORNERS[side]] for side in sorted(sides)]
             )
             for piece in _lines(drawn):
                 self._add(layer, piece)

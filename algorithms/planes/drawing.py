@@ -12,7 +12,7 @@ import pandas as pd
 import shapely
 
 from algorithms.planes import _columns as columns
-from algorithms.planes._sheet import PENS, SIDES, Sheet, rounded
+from algorithms.planes._sheet import PENS, Sheet, rounded
 from toolbox.context import QUIET, Context
 from toolbox.data import Drawing, Table, Vector
 from toolbox.data.plan import Plan
@@ -182,7 +182,7 @@ class PlanesDrawing:
             ),
             ("Source", "points of a laser scan"),
         ]
-        half = self._sure()
+        half = columns.usual_interval(_openings(self.elevation.frame))
         if math.isfinite(half):
             shown = f"{half / sheet.metre * sheet.shown:.{0 if unit == 'mm' else 2}f} {unit}"
             star = "; * see the schedule" if sheet.starred else ""
@@ -194,13 +194,6 @@ class PlanesDrawing:
         if sheet.starred:
             said.append(("*", "some sides are unsure, or were not seen and may be elsewhere"))
         return said
-
-    def _sure(self) -> float:
-        """The median uncertainty of the sides that were seen, in the unit of the elevation."""
-        found = _openings(self.elevation.frame)
-        sides = [f"{side}_interval" for side in SIDES]
-        known = found.reindex(columns=sides).to_numpy(float)
-        return float(np.nanmedian(known)) if np.isfinite(known).any() else math.nan
 
 
 def _openings(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:

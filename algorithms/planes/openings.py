@@ -24,7 +24,6 @@ from algorithms.planes._openings import (
     BLIND,
     COLUMNS,
     EITHER,
-    SIDES,
     Openings,
     marked,
     may_hide_door,
@@ -190,16 +189,16 @@ class PlanesOpenings:
         def _edges(self) -> str:
             """How sure the edges are, in metres, and how many are not."""
             frame = self.openings.frame
-            each = frame[[f"{side}_interval" for side in SIDES]].to_numpy(float)
+            every = len(columns.SIDES) * len(frame)
             sides = {
                 name: sum(len(text.split(", ")) for text in frame[name] if text)
                 for name in ("unsure", "hidden")
             }
-            known = each[np.isfinite(each)] / self.openings.metre
-            half = f"± {np.median(known):.2f} m" if len(known) else "± of no known length"
+            usual = columns.usual_interval(frame) / self.openings.metre
+            half = f"± {usual:.2f} m" if math.isfinite(usual) else "± of no known length"
             return (
                 f"Edges are known to {half} (95 %, the median of those that were seen). Sides that "
-                f"are unsure: {sides['unsure']} of {each.size}; that were not seen and may be "
+                f"are unsure: {sides['unsure']} of {every}; that were not seen and may be "
                 f"elsewhere: {sides['hidden']}. They are named in the table, and broken lines with "
                 "a star in the drawing."
             )

@@ -226,7 +226,7 @@ class ShorelineExtract:
         how = self.min_area, self.min_island, self.smoothing
         outlines = draw(points, cells, water, chosen, *how, ctx.part(0.7, 0.9))
         _warn(outlines)
-        rest = [] if self.bodies == "all" else [k for k in range(len(water)) if k not in chosen]
+        rest = [k for k in range(len(water)) if k not in chosen]
         others = draw(points, cells, water, rest, *how, ctx.part(0.9, 1.0)) if rest else []
         others = [replace(one, number=one.number + len(outlines)) for one in others]
         return self._packed(outlines, others, detail_of(cells))

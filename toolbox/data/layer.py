@@ -8,7 +8,7 @@ framework asks of which class a layer is.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
@@ -254,3 +254,8 @@ def refuse_zero_bytes(frame: pd.DataFrame, path: Path) -> None:
         texts = [name, *column] if column.dtype.kind == "O" else [name]
         if cut := next((text for text in texts if isinstance(text, str) and "\0" in text), None):
             raise DataError(f"{path}: {name!r} has a zero byte in {cut[:60]!r}; take it out")
+
+
+def crs_of(layers: Iterable[Layer]) -> CRS | None:
+    """The CRS of the first layer with a place."""
+    return next((layer.crs for layer in layers if layer.is_spatial and layer.crs), None)

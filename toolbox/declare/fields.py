@@ -13,6 +13,7 @@ from pyproj import CRS
 
 from toolbox import __version__
 from toolbox.data.crs import UNITS_OF_LENGTH, foot_of
+from toolbox.data.layer import crs_of
 from toolbox.data.report import Column
 from toolbox.data.vector import Vector
 from toolbox.declare.delivered import Delivered
@@ -322,7 +323,7 @@ class Spec:
     def crs_of(self, values: Mapping[str, Any]) -> CRS | None:
         """The CRS of the first layer among some values that has one."""
         layers = (x for n, f in self.sources.items() for x in f.items(values.get(n)))
-        return next((x.crs for x in layers if x is not None and x.is_spatial and x.crs), None)
+        return crs_of(x for x in layers if x is not None)
 
     def in_feet(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """The defaults for data in feet of inputs without a value, metres; none of other data."""

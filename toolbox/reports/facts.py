@@ -14,11 +14,11 @@ from toolbox.data.crs import (
     height_system,
     is_local,
 )
-from toolbox.data.layer import Layer
+from toolbox.data.layer import Layer, crs_of
 from toolbox.data.report import unit_text
 from toolbox.declare.fields import Field, Spec
 from toolbox.reports import words
-from toolbox.reports.units import crs_of, unit_of_data
+from toolbox.reports.units import unit_of_data
 
 if TYPE_CHECKING:
     from toolbox.runs.provenance import Record

@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pyproj import CRS
 
 from toolbox import language
 from toolbox.data import Rows, Section, Table
 from toolbox.data.crs import Unit, own_number, unit_of_lengths
+from toolbox.data.layer import Layer, crs_of
 from toolbox.data.measures import UNIT, VALUE, unit_column
 from toolbox.data.report import Block, Column, column_of
 from toolbox.declare.show import Axis, Curve, Show
@@ -20,8 +20,6 @@ from toolbox.pictures.draw import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from toolbox.data.layer import Layer
 
 _POWERS = {"m": 1, "m2": 2, "m²": 2, "m3": 3, "m³": 3, "1/m2": -2, "1/m²": -2}
 _RAISED = {1: "{}", 2: "{}²", 3: "{}³", -2: "1/{}²"}
@@ -37,11 +35,6 @@ _IN_METRES = "_m"  # end of the name of a column that holds in metres what anoth
 def unit_of_data(layers: Iterable[Layer]) -> Unit | None:
     """The unit of lengths and heights of the first layer with a place; None of metres."""
     return unit_of_lengths(crs_of(layers))
-
-
-def crs_of(layers: Iterable[Layer]) -> CRS | None:
-    """The CRS of the first layer with a place."""
-    return next((x.crs for x in layers if x.is_spatial and x.crs), None)
 
 
 def converted(value: Any, unit: str, own: Unit | None) -> tuple[Any, str]:

@@ -94,9 +94,9 @@ LIST_CAPTION = (
 )
 UNSURE_CAPTION = (
     "Listed is the point nearest to each wire. What has the class of plants, or none, and hangs in "
-    "mid-air "
-    "on a wire, a tower or by itself, may be a part of the line that was not recognised. It counts "
-    "in no figure of what is too close: look at it. The numbers go on from those of the objects"
+    "mid-air on a wire, a tower or by itself, may be a part of the line that was not recognised. "
+    "It counts in no figure of what is too close: look at it. The numbers go on from those of the "
+    "objects"
 )
 SPAN_CAPTION = (
     "For each span and state of the wires: the least distances in space to what is near the wires "

@@ -13,8 +13,9 @@ import shapely
 from pyproj import CRS
 from scenes.fronts import elevation
 
+from algorithms.planes._columns import SIDES
 from algorithms.planes._labels import box_of
-from algorithms.planes._sheet import SIDES, rows_of
+from algorithms.planes._sheet import rows_of
 from algorithms.planes.drawing import PlanesDrawing
 from toolbox import language
 from toolbox.data import Vector

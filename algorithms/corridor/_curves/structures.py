@@ -45,38 +45,58 @@ def holds_level(air: Airborne, above: Floats, curve: Catenary) -> bool:
     if curve.length > SETTINGS.structures.contact_span:
         width = round(SETTINGS.curves.sure_length / SETTINGS.structures.contact_step)
         begins = range(0, count - width + 1, width // 2)
-    level = [_levelled(low[k : k + width], high[k : k + width]) for k in begins]
+    along, points = u[plane] / curve.length * count, air.xyz[near, 2][plane]
+    level = [_levelled(low[k : k + width], high[k : k + width], along - k, points) for k in begins]
     return float(np.mean(level)) > SETTINGS.structures.level_share
 
 
-def _levelled(low: Floats, high: Floats) -> bool:
-    """Whether of two wires at equal steps the lower one is straight and the upper one sags."""
+def _levelled(low: Floats, high: Floats, along: Floats, points: Floats) -> bool:
+    """Whether of two wires at equal steps the lower one is straight and the upper one sags.
+
+    Parameters
+    ----------
+    low, high : height of the lowest and of the highest point in each step, metres
+    along, points : place from the first step on, in steps, and height of points in their plane
+    """
     width = SETTINGS.lines.tolerances[0]
     both = (high - low > width) & (high - low < SETTINGS.structures.contact_depth)
     if np.count_nonzero(both) < max(
         SETTINGS.structures.fewest, SETTINGS.structures.filled * len(low)
     ):
         return False
-    middle = SETTINGS.structures.contact_step * np.flatnonzero(both).astype(np.float64)
+    middle = np.flatnonzero(both).astype(np.float64) + 0.5
     lower, rough = _parabola(middle, low[both])
     upper, rougher = _parabola(middle, high[both])
+    bends = [2 * float(shape[0]) / SETTINGS.structures.contact_step**2 for shape in (lower, upper)]
     thin = max(rough, rougher) < SETTINGS.arcs.smooth * width
     loaded = (
         SETTINGS.structures.messenger_least_c
-        < 1 / max(upper, 1e-9)
+        < 1 / max(bends[1], 1e-9)
         < SETTINGS.structures.messenger_most_c
     )
-    return thin and loaded and abs(lower) < SETTINGS.structures.contact_bend * upper
+    held = thin and loaded and abs(bends[0]) < SETTINGS.structures.contact_bend * bends[1]
+    here = (along >= 0) & (along < len(low))
+    return held and _empty_between(lower, upper, along[here], points[here])
 
 
-def _parabola(u: Floats, z: Floats) -> tuple[float, float]:
-    """Curvature of a parabola through most of the points, and how far these are from it."""
+def _empty_between(lower: Floats, upper: Floats, u: Floats, z: Floats) -> bool:
+    """Whether points are on two parabolas, not as well between them as those of more wires.
+
+    Between a contact wire and what it hangs from are droppers alone. Of three wires or more, at
+    least a third of the points is in the middle half.
+    """
+    share = (z - np.polyval(lower, u)) / (np.polyval(upper, u) - np.polyval(lower, u))
+    return float(np.mean(np.abs(share - 0.5) < 1 / 4)) < 1 / 6
+
+
+def _parabola(u: Floats, z: Floats) -> tuple[Floats, float]:
+    """A parabola through most of the points, and how far these are from it."""
     keep = np.ones(len(u), bool)
     for _ in range(3):
         shape = np.polyfit(u[keep], z[keep], 2)
         off = np.abs(z - np.polyval(shape, u))
         keep = off <= np.sort(off)[int(0.8 * (len(off) - 1))]
-    return 2 * float(shape[0]), float(np.sqrt(np.mean(off[keep] ** 2)))
+    return shape, float(np.sqrt(np.mean(off[keep] ** 2)))
 
 
 def carriers(air: Airborne, height: Floats, curve: Catenary) -> int:

@@ -10,6 +10,7 @@ from scenes.corridors import Floats, wire
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor, Piece
+from algorithms.corridor._curves.structures import holds_level
 from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._extraction import follow as following
 from algorithms.corridor._extraction.follow import (
@@ -82,3 +83,15 @@ def test_what_goes_on_along_a_contact_line_is_one(monkeypatch: pytest.MonkeyPatc
     assert without_contact_lines(corridor, pieces) == pieces[-1:]
     assert not corridor.refused[pieces[-1].points].any()
     assert len(corridor.left_out) == 3
+
+
+@pytest.mark.parametrize("between", [0, 1, 2])
+def test_between_a_contact_wire_and_what_it_hangs_from_is_no_other_wire(between: int) -> None:
+    """Points of wires above each other, of which the lowest seems straight."""
+    upper, points = wire((0, 0, 7.5), (60, 0, 7.5), 500, per_metre=1.5)
+    _, level = wire((0, 0, 6), (60, 0, 6), 4000, per_metre=1.5)
+    heights = np.linspace(6, 7.5, between + 2)[1:-1]
+    others = [wire((0, 0, z), (60, 0, z), 900, per_metre=1.5)[1] for z in heights]
+    air = Airborne.of(np.vstack([points, level, *others]))
+    held = holds_level(air, np.full(len(air.xyz), 6.0), upper)
+    assert held == (between == 0)

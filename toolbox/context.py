@@ -110,7 +110,7 @@ def digest(*inputs: Any) -> bytes:
     """
     import numpy as np  # here, as lists and helps of tools need none
 
-    made = hashlib.blake2b(digest_size=32)
+    made = hashlib.sha256()  # for which processors have instructions of their own
     for value in inputs:
         if isinstance(value, np.ndarray):
             made.update(f"{value.dtype.str}{value.shape}".encode())

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from algorithms.classify._evidence import PointFeatures
-from algorithms.classify._sorted_points import SortedPoints
 from algorithms.shared.places import may_be_near
 from toolbox.context import log
 
@@ -54,9 +53,8 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     point, beside = shapely.STRtree(shapes).query(
         shapely.points(features.xyz[low, :2]), predicate="dwithin", distance=BESIDE * metre
     )
-    roofs = SortedPoints.of(features, roof)
     for number in np.unique(beside):
-        deck, ends = roofs.within(shapes[number]), low[point[beside == number]]
+        deck, ends = features.within(shapes[number], roof), low[point[beside == number]]
         ends = ends[z[ends] >= np.median(z[deck]) - LEVEL]
         if np.median(height[deck]) < OVER_GROUND or not len(ends):
             continue

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify._evidence import FOOT, PointFeatures
-from algorithms.classify._sorted_points import SortedPoints
 
 STEEP = 50.0  # degrees: sides of crowns are steeper, and most roofs flatter
 SIDES = 0.25  # share of the points on planes that lie on such sides
@@ -29,11 +28,11 @@ def crowns(shapes: NDArray[Any], features: PointFeatures, planes: Mask) -> Mask:
     features : n points
     planes : array of shape (n,), those that look like a roof and lie on planes
     """
-    above = SortedPoints.of(features, features.terrain[1] > FOOT)
+    above = features.terrain[1] > FOOT
     least = np.cos(np.radians(STEEP))
     found = []
     for shape in shapes:
-        inside = above.within(shape)
+        inside = features.within(shape, above)
         upright = abs(features.planes[1][inside[planes[inside]], 2])
         sides = np.mean(upright < least) if len(upright) else 0.0
         found.append(sides >= SIDES and 1 - planes[inside].mean() >= TORN)

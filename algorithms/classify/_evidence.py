@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from algorithms.classify import _flatness
 from algorithms.classify._flatness import FLAT
+from algorithms.classify._sorted_points import SortedPoints
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
@@ -90,10 +91,14 @@ class PointFeatures:
         return digest(self.xyz) if self.ctx.kept is not None else b""
 
     @functools.cached_property
-    def eastward(self) -> NDArray[np.int64]:
-        """Indices of the points from west to east, array of shape (n,)."""
-        x = self.xyz[:, 0]
-        return self.ctx.once("eastward", (self._places,), lambda: np.argsort(x, kind="stable"))
+    def _sorted(self) -> SortedPoints:
+        """The points sorted into squares."""
+        xyz, metre = self.xyz, self.cloud.metre
+        return self.ctx.once("sorted", (self._places, metre), lambda: SortedPoints.of(xyz, metre))
+
+    def within(self, shape: Any, some: Mask | None = None) -> NDArray[np.int64]:
+        """Indices of the points in a polygon, in rising order; see :meth:`SortedPoints.within`."""
+        return self._sorted.within(shape, self.xyz, some)
 
     @functools.cached_property
     def terrain(self) -> tuple[Mask, Floats]:
@@ -229,30 +234,35 @@ class PointFeatures:
     def around(self) -> Mapping[str, Floats]:
         """Planarity, roughness and returns, as means over the points around each point.
 
-        Only points on the same side of the ground count: those on it, or those above it.
+        Only points on the same side of the ground count: those on it, or those above it. Where
+        classes say what is ground, nobody asks for those on it, which get NaN.
         """
         self._warn_of_noise()
         how = self.radius, self.context, self.flat, self.by_noise, self.cloud.metre
         given = b"" if self.given_scatter is None else self.given_scatter
-        inputs = self._places, self.terrain[0], self.let_through, given, *how
+        known = self.ground_classes is not None
+        inputs = self._places, self.terrain[0], self.let_through, given, known, *how
         return self.ctx.once("around", inputs, self._around)
 
     def _around(self) -> Mapping[str, Floats]:
         """Means over the points around, see `around`."""
-        ground, metre, off_plane = self.terrain[0], self.cloud.metre, self.scatter
+        ground, metre = self.terrain[0], self.cloud.metre
+        some = ~ground if self.ground_classes is not None else np.ones(len(ground), bool)
+        off_plane = self.scatter[some]
         values = {
-            "planarity": np.where(off_plane <= self.flatness, 1.0, 0.0),
+            "planarity": np.where(off_plane <= self.flatness[some], 1.0, 0.0),
             "roughness": np.where(np.isnan(off_plane), self.radius / metre, off_plane),
-            "returns": self.let_through.astype(np.float64),
+            "returns": self.let_through[some].astype(np.float64),
         }
-        means = means_around(
-            self.xyz / (VOXEL * metre),
-            ground,
+        means = np.full((len(ground), len(values)), np.nan)
+        means[some] = means_around(
+            self.xyz.compress(some, axis=0) / (VOXEL * metre),
+            ground[some],
             np.column_stack([*values.values()]),
             round(self.context / (VOXEL * metre), 6),  # whole metres stay whole in feet
             ctx=self.ctx.part(0.8, 1.0),
         )
-        return dict(zip(values, means.T, strict=True))
+        return dict(zip(values, _frozen(means).T, strict=True))
 
 
 MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {

@@ -28,7 +28,6 @@ from scipy.spatial import cKDTree
 
 from algorithms.classify._evidence import FOOT, PointFeatures
 from algorithms.classify._outlines import TOUCHING, margin
-from algorithms.classify._sorted_points import SortedPoints
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.places import may_be_near
 from toolbox.context import QUIET, Context
@@ -135,9 +134,8 @@ def bodies(
     shapes = shapes[~surely_wide(shapes, WIDEST * metre)]
     shapes = shapes[shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2))]
     shapes = shapes[standing_free(shapes, xyz[height < FOOT, :2], metre) >= FREE]
-    points = SortedPoints.of(features, some)
     for shape in shapes:
-        inside = points.within(shape.buffer(TOUCHING * metre))
+        inside = features.within(shape.buffer(TOUCHING * metre), some)
         away = margin(len(inside) / shape.area, alpha)
         short, long = sides(shape)
         round_about = 2 * (shapely.maximum_inscribed_circle(shape).length + away)
@@ -212,10 +210,9 @@ def ground_seen(shapes: Shapes, features: PointFeatures) -> Floats:
     It is 0 if there are only FEWEST points on the ground.
     """
     metre, ground = features.cloud.metre, features.terrain[0]
-    every = SortedPoints.of(features, np.ones(len(ground), bool))
     share = np.zeros(len(shapes))
     for k, core in enumerate(shapely.buffer(shapes, -EDGE * metre)):
-        parts = [ground[every.within(part)] for part in shapely.get_parts(core)]
+        parts = [ground[features.within(part)] for part in shapely.get_parts(core)]
         inside = np.concatenate(parts) if parts else np.zeros(0, bool)
         share[k] = inside.mean() if np.count_nonzero(inside) > FEWEST else 0.0
     return share

@@ -35,7 +35,6 @@ from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import FOOT, LET_THROUGH, solid
 from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
 from algorithms.classify._roofs import Roof, form, main_section
-from algorithms.classify._sorted_points import SortedPoints
 from algorithms.classify._squared import squared
 from algorithms.classify._vehicles import SEEN, ground_seen, large_vehicles
 from algorithms.shared import parameters
@@ -319,11 +318,11 @@ class ClassifyBuildings:
         ctx: Context,
     ) -> list[dict[str, Any]]:
         """Attributes and outline of each building; several where only the overhang joins them."""
-        rows, narrow, roofs = [], 0, SortedPoints.of(features, planes)
+        rows, narrow = [], 0
         sure = confidences(shapes, features, planes)
         for done, shape in enumerate(shapes):
             ctx.progress(done / len(shapes))
-            inside = roofs.within(shape.buffer(TOUCHING * features.cloud.metre))
+            inside = features.within(shape.buffer(TOUCHING * features.cloud.metre), planes)
             roof, straight = self._drawn(shape, len(inside) / shape.area, lengths)
             walls = roof.buffer(-self.overhang, join_style="mitre")
             narrow += walls.is_empty
@@ -429,10 +428,9 @@ def without_holes(
     if not features.has_several_returns or not inner.any():
         return shapes, rough
     holes = shapely.polygons(rings[inner])
-    points = SortedPoints.of(features, np.ones(len(ground), bool))
     filled: dict[int, list[Any]] = {}
     for hole, number in zip(holes, owner[inner].tolist(), strict=True):
-        inside = points.within(hole)
+        inside = features.within(hole)
         high = inside[height[inside] >= lowest]
         if not len(high) or np.count_nonzero(ground[inside]) > SEEN * len(inside):
             continue
@@ -530,6 +528,6 @@ def confidences(shapes: Shapes, features: _evidence.PointFeatures, planes: Mask)
     seen in between, and 0 at the limit of that.
     """
     seen = ground_seen(shapes, features) / SEEN
-    above = SortedPoints.of(features, features.terrain[1] > FOOT)
-    flat = [planes[above.within(shape)].mean() for shape in shapes]
+    above = features.terrain[1] > FOOT
+    flat = [planes[features.within(shape, above)].mean() for shape in shapes]
     return np.asarray(flat) * (1 - seen)

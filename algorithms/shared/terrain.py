@@ -408,8 +408,28 @@ def steep_steps(z: Cells, ctx: Context) -> Cells:
     for first, last in blocks(len(z), z.shape[1]):
         kernels.steps(z, first, last, STEP_REACH, STEP_SLOPE, step)
         ctx.progress(last / len(z))
-    widened = maximum_filter(step, 3).reshape(len(z) // 2, 2, -1, 2)
-    return np.asarray(widened.max(axis=(1, 3)), np.float32)
+    return of_four(np.maximum, maximum_filter(step, 3))
+
+
+def of_four(either: np.ufunc, cells: Cells) -> Cells:
+    """The lowest or the highest of each 2 x 2 cells, far faster than by the ends of axes.
+
+    Parameters
+    ----------
+    either : np.minimum or np.maximum
+    cells : array of shape (rows, cols), both even
+
+    Returns
+    -------
+    array of shape (rows / 2, cols / 2)
+
+    Examples
+    --------
+    >>> of_four(np.minimum, np.arange(8.0).reshape(2, 4))
+    array([[0., 2.]])
+    """
+    rows = either(cells[::2], cells[1::2])
+    return np.asarray(either(rows[:, ::2], rows[:, 1::2]))
 
 
 def raised_share(
@@ -428,7 +448,7 @@ def raised_share(
     lows = []
     for _ in range(LEVELS):
         lows.append(np.pad(low, LOOK, constant_values=np.inf))
-        low = low.reshape(len(low) // 2, 2, -1, 2).min(axis=(1, 3))
+        low = of_four(np.minimum, low)
     share = np.empty_like(z)
     side_by_side(
         kernels.raised,

@@ -253,6 +253,18 @@ def test_steps_share_what_they_look_at(monkeypatch: pytest.MonkeyPatch) -> None:
         np.testing.assert_array_equal(shared["classified"][name], alone["classified"][name])
 
 
+def test_what_is_around_is_known_above_known_ground_alone() -> None:
+    x, y = (axis.ravel() / 2 for axis in np.mgrid[:40, :40])
+    roof = (abs(x - 10) < 4) & (abs(y - 10) < 4)
+    xyz = np.column_stack([x, y, np.where(roof, 5.0, 0.0)])
+    cloud = PointCloud(xyz, {"classification": np.where(roof, 1, 2).astype(np.uint8)})
+    for classes, known in (((2,), roof), (None, np.ones(len(roof), bool))):
+        around = _evidence.PointFeatures(cloud, 1.0, 3.0, ground_classes=classes).around
+        for name in ("planarity", "roughness", "returns"):
+            np.testing.assert_array_equal(np.isfinite(around[name]), known)
+        assert around["planarity"][roof].min() > 0.9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "least"),

@@ -228,7 +228,10 @@ class _Asked:
     def _suited(self, layers: Mapping[str, Any]) -> _Asked:
         """What is asked for, with defaults in feet where the data are."""
         settings = {**self.settings, **self.spec.in_feet({**self.settings, **layers})}
-        _tell_lengths(self.spec, settings, self.spec.crs_of(layers))
+        crs = self.spec.crs_of(layers)
+        _tell_lengths(self.spec, settings, crs)
+        if delivery.is_asked(self.writes):
+            delivery.tell_heights(crs)
         return replace(self, settings=settings)
 
     def _run(self, layers: Mapping[str, Any], ctx: Context) -> Results:

@@ -9,8 +9,7 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.data.area_of_use import misplaced
-from toolbox.data.crs import describe_crs, has_heights, same_crs
-from toolbox.data.operation import plane
+from toolbox.data.crs import adds_heights, describe_crs, same_crs
 from toolbox.declare import outputs, param, sink, source, tool
 
 
@@ -45,12 +44,8 @@ class PointsAssignCrs:
         """The points state no other CRS, and may be in this one."""
         cloud, crs = self.points, self.crs
         stated = cloud.crs
-        adds_heights = (
-            stated is not None
-            and not has_heights(stated)
-            and (not stated.is_engineering and same_crs(plane(stated), plane(crs)))
-        )
-        if not (stated is None or same_crs(stated, crs) or adds_heights or self.replace):
+        fits = stated is None or same_crs(stated, crs) or adds_heights(stated, crs)
+        if not (fits or self.replace):
             yield (
                 "crs",
                 f"{cloud.name} states {describe_crs(stated)}; points.reproject --crs brings it to "

@@ -76,12 +76,21 @@ class PointsSurveyQuality:
         le=100,
         label="Cell size",
     )
+    multiple_of: float | None = param(
+        "Size of the cells of another raster, of which those of auto are a whole number wide",
+        default=None,
+        unit="m",
+        gt=0,
+        le=100,
+        label="Multiple of",
+    )
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:
         density: Raster = sink(
-            "First returns of each cell per square metre of it", label="Density of the survey"
+            "First returns of each cell per square metre of it, also of data in feet",
+            label="Density of the survey",
         )
         strips: Raster = sink("Number of strips in each cell; 0 for a void")
         strip_difference: Raster = sink(
@@ -236,6 +245,8 @@ class PointsSurveyQuality:
         cell = self.cell
         if cell == "auto":
             cell = suitable_cell(xyz[taken.first] / metre) * metre
+            if step := self.multiple_of:
+                cell = step * math.ceil(cell / step)
         return Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), float(cell))
 
 

@@ -59,6 +59,7 @@ DROP = 0.25  # below the level: water does not stay above such ground
 WEIR = 1.0  # m from water to lower water beside it, at a weir or rapids
 RUN_OFF = 0.02  # share of a body that may seem to lie lower
 SPARSE = 0.5  # of the density of the shore: pulses were lost
+FEWER = 0.75  # half of the way to it: enough for what is level and of no shape, as water is
 DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1 for a full one
 LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
 SIGMAS = 1.683  # standard deviations of a normal distribution between its 20 % and its 80 %
@@ -825,12 +826,14 @@ def judge(
     dark = amid if rough else _darkness(cells, body, ring)  # wet banks are rough and dark, too
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
     level_enough = tilt == LEVEL and _is_level(cells, body)
+    shaped = level_enough and _bent(cells, body)
     across = tilt != LEVEL and dark >= VERY_DARK and flows(cells, body, tilt)
     reasons = {
         FEW: lost <= SPARSE,
+        "fewer returns": SPARSE < lost <= FEWER and level_enough and not shaped,
         "level": level_enough,
         "level across": across,
-        "dark": dark >= DARK and not (level_enough and _bent(cells, body)),
+        "dark": dark >= DARK and not shaped,
         "class": classed,
     }
     wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)

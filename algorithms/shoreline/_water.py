@@ -232,7 +232,7 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
         log.warning(
             "points: %d level places are left out, as nothing else tells that they are water: ice "
             "or bright water, a pool of a river, or a square, a field, a cutting; a terrain has "
-            "them as the points do%s: %s",
+            "them as the points do, unless their outlines are given to it as known water%s: %s",
             len(left_out),
             f"; the setting {setting} gives them" if setting else "",
             listed(cells, left_out),
@@ -311,10 +311,10 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
         log.warning(
             "points: %d level places are left out from which water would run off to lower ones: "
             "flights at other times, ice, plants, a pool above rapids or a weir, or land; a "
-            "terrain has them as the points do, and where they meet water, its outline may be no "
-            "shore: %s",
+            "terrain has them as the points do, unless their outlines are given to it as known "
+            "water, and where they meet water, its outline may be no shore: %s",
             len(told),
-            _some([_above(cells, one, found) for one in told]),
+            some_of([_above(cells, one, found) for one in told]),
         )
 
 
@@ -330,7 +330,7 @@ def _above(cells: CellGrid, place: Body, found: Sequence[Water]) -> str:
 
 def listed(cells: CellGrid, waters: Sequence[Water]) -> str:
     """Text on size, place and level of the first of some waters, and how many more there are."""
-    return _some([_place(cells, one.body.cells, one.level.height) for one in waters])
+    return some_of([_place(cells, one.body.cells, one.level.height) for one in waters])
 
 
 def _place(cells: CellGrid, some: Ints, level: float) -> str:
@@ -340,7 +340,7 @@ def _place(cells: CellGrid, some: Ints, level: float) -> str:
     return f"about {area:.0f} m2 at {x:.1f},{y:.1f}, level {in_unit(cells, level, 2)}"
 
 
-def _some(texts: Sequence[str]) -> str:
+def some_of(texts: Sequence[str]) -> str:
     """The first of some texts, and how many more there are."""
     more = [f"and {len(texts) - IN_A_WARNING} more"] if len(texts) > IN_A_WARNING else []
     return "; ".join([*texts[:IN_A_WARNING], *more])
@@ -354,7 +354,7 @@ def _tell_steps(cells: CellGrid, found: Sequence[Water]) -> None:
             "points: waters at different levels meet, or nearly, in %d places: rapids, a weir, a "
             "lock, a dam or a dike. A terrain with level water has steps there: %s",
             len(steps),
-            _some([_step(cells, one) for one in steps]),
+            some_of([_step(cells, one) for one in steps]),
         )
 
 

@@ -180,14 +180,8 @@ class ShorelineExtract:
 
         def not_looked_at(self) -> Iterator[str]:
             """Parts of outlines that are no shore."""
-            frame = self.water.frame
-            for row in frame.to_dict("records") if len(frame) else []:
-                if row["open_length"]:
-                    yield (
-                        f"Water body {row['body']}: {row['open_length']:.0f} of "
-                        f"{row['perimeter']:.0f} m of its outline is the edge of the data, not a "
-                        "shore"
-                    )
+            if text := open_edges(self.water.frame.to_dict("records")):
+                yield text
 
     def check(self) -> Iterator[tuple[str, str]]:
         """A seed point is not combined with all bodies."""
@@ -225,7 +219,8 @@ class ShorelineExtract:
         chosen = self._chosen(cells, water)
         how = self.min_area, self.min_island, self.smoothing
         outlines = draw(points, cells, water, chosen, *how, ctx.part(0.7, 0.9))
-        _warn(outlines)
+        if text := open_edges([row for one in outlines for _, row in one.rows()]):
+            log.warning("%s", text)
         rest = [k for k in range(len(water)) if k not in chosen]
         others = draw(points, cells, water, rest, *how, ctx.part(0.9, 1.0)) if rest else []
         others = [replace(one, number=one.number + len(outlines)) for one in others]
@@ -289,18 +284,28 @@ def _within(place: Position, bounds: Sequence[float]) -> bool:
     return bounds[0] <= place.x <= bounds[3] and bounds[1] <= place.y <= bounds[4]
 
 
-def _warn(outlines: Sequence[Outline]) -> None:
-    """Log what may not be as the user intended."""
-    for outline in outlines:
-        for _, row in outline.rows():
-            if row["open_length"]:
-                log.warning(
-                    "water body %d: %.0f of %.0f m of its outline is the edge of the data, "
-                    "not a shore",
-                    row["body"],
-                    row["open_length"],
-                    row["perimeter"],
-                )
+def open_edges(rows: Sequence[Row]) -> str:
+    """Text on the waters of which a part of the outline is no shore; "" if there are none.
+
+    Examples
+    --------
+    >>> open_edges([{"body": 3, "open_length": 51.0, "perimeter": 265.0}])
+    'water body 3: 51 of 265 m of its outline is the edge of the data, not a shore'
+    """
+    from algorithms.shoreline._water import some_of
+
+    cut = [row for row in rows if row["open_length"]]
+    parts = [f"{row['open_length']:.0f} of {row['perimeter']:.0f} m" for row in cut]
+    if len(cut) == 1:
+        body = cut[0]["body"]
+        return f"water body {body}: {parts[0]} of its outline is the edge of the data, not a shore"
+    each = [f"body {row['body']} {part}" for row, part in zip(cut, parts, strict=True)]
+    return (
+        f"{len(cut)} water bodies meet the edge of the data, where their outlines are no shore: "
+        f"{some_of(each)}"
+        if cut
+        else ""
+    )
 
 
 def _layer(features: Sequence[tuple[Any, Row]], crs: Any, kind: str) -> Vector:

@@ -9,8 +9,9 @@ level, with the water surface at or just below the immediately surrounding terra
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import shapely
@@ -27,7 +28,10 @@ from toolbox.errors import DataError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-LEVEL, SLOPE = "level", "slope"  # attributes of a polygon of water
+Surface = Callable[[Array, Array], Array]
+"""The heights of a water at places x and y."""
+LEVEL, SLOPE, EVIDENCE = "level", "slope", "evidence"  # attributes of a polygon of water
+COVERED = 0.5  # share of a found water: if more of it is known to be another one, it goes
 NO_SHORE = 1.0  # m below the water, as high as a wall: more than noise, waves and ditches explain
 
 
@@ -48,7 +52,13 @@ class SurfaceFlattenWater:
     between both: the ground at a shore is known, though no point may be near.
 
     A river is not level: where the attribute `slope` is not 0, as `shoreline.extract` gives it with
-    `sloped`, its surface is the plane through the heights of the vertices.
+    `sloped`, or a polygon has no level, its surface runs between the heights of its vertices. So do
+    breaklines along both banks that fall downstream.
+
+    What is known better, as outlines from a map or drawn by hand where none was found, comes as
+    `known`: polygons with the attribute `level`, or without, with heights at their vertices. They
+    are laid as they are. A found water that they cover by more than half goes, of another one the
+    rest stays. What was laid is `laid`.
 
     A `surface` with objects on it, as of the highest points, gets the water, too: its cells on the
     water that are empty or lower have the height of the water, so that there is no hole where the
@@ -57,6 +67,12 @@ class SurfaceFlattenWater:
 
     terrain: Raster = source("Raster of heights of the ground")
     water: Vector = source("Polygons of water", shapes="polygon")
+    known: Vector | None = source(
+        "Polygons of water that are known, with level or heights, in place of found ones",
+        shapes="polygon",
+        default=None,
+        label="Known water",
+    )
     surface: Raster | None = source(
         "Surface with objects on the same cells, into which the water is laid, too",
         default=None,
@@ -83,6 +99,7 @@ class SurfaceFlattenWater:
         surface_with_water: Raster | None = sink(
             "The surface with water where nothing stands above it", label="Surface with water"
         )
+        laid: Vector = sink("Polygons of the water that was laid", listed=False)
         filled: int = sink(
             "Empty cells of the surface that are water", unit="1", label="Filled cells"
         )
@@ -118,11 +135,14 @@ class SurfaceFlattenWater:
                 yield "surface", f"{name} {text}"
             elif text := _not_on(self.surface, self.terrain):
                 yield "surface", f"{name} {text} of the terrain"
-        if self.level is None and len(self.water) and LEVEL not in self.water.names:
+        if self.level is None and len(self.water) and not _tells_heights(self.water):
             yield (
                 "level",
-                f"must be given, as {self.water.name or 'the water'} has no attribute level",
+                f"must be given, as {self.water.name or 'the water'} has no attribute level, and "
+                "no heights",
             )
+        if self.known and len(self.known) and not _tells_heights(self.known):
+            yield "known", f"{self.known.name or 'it'} has no attribute level, and no heights"
 
     def halo(self) -> float:
         """Infinite, as ground may be joined to the shore along any way."""
@@ -135,23 +155,21 @@ class SurfaceFlattenWater:
         lattice = Lattice.of(self.terrain)
         east, north = lattice.centres()
         reach = math.ceil(self.shore / lattice.cell)
+        bodies = [(surface, *cells_within(shape, lattice)) for shape, surface in self._bodies()]
+        there = [body for body in bodies if len(body[1])]
         wet = np.zeros(heights.shape, bool)
-        bodies = list(self._bodies())
-        level_bodies = 0
-        for number, (shape, surface) in enumerate(bodies):
-            ctx.progress(number / len(bodies))
-            rows, cols = cells_within(shape, lattice)
-            if not len(rows):
-                continue
-            level_bodies += 1
+        for _, rows, cols in there:
+            wet[rows, cols] = True
+        for number, (surface, rows, cols) in enumerate(there):
+            ctx.progress(number / len(there))
             part = tuple(
                 slice(max(0, k.min() - reach - 1), k.max() + reach + 2) for k in (rows, cols)
             )
-            wet[rows, cols] = True
             inside = np.zeros(heights[part].shape, bool)
             inside[rows - part[0].start, cols - part[1].start] = True
-            level = surface.at(east[part[1]][None, :], north[part[0]][:, None])
-            filled = inside | shore_below(heights[part], inside, level, reach)
+            level = surface(east[part[1]][None, :], north[part[0]][:, None])
+            land = np.where(wet[part] & ~inside, np.inf, heights[part])  # other water is no shore
+            filled = inside | shore_below(land, inside, level, reach)
             heights[part] = np.where(filled, level, heights[part])
             heights[part] = without_gaps(heights[part], inside, reach)
         raised = (heights != before) & ~wet & np.isfinite(before)
@@ -165,7 +183,7 @@ class SurfaceFlattenWater:
                 closed,
                 self.shore / self.terrain.metre,
             )
-        if apart := len(bodies) - level_bodies:
+        if apart := len(bodies) - len(there):
             log.warning("%d of %d bodies of water hold no cell of the terrain", apart, len(bodies))
         made = heights.astype(np.float32)
         top = self.surface.band() if self.surface else None
@@ -177,11 +195,12 @@ class SurfaceFlattenWater:
                 descriptions=("terrain",),
                 units=self.terrain.units[:1],
             ),
+            laid=self._laid,
             surface_with_water=self.surface and self._with_water(made, wet | raised),
             filled=0 if top is None else int(np.count_nonzero((wet | raised) & np.isnan(top))),
             raised=int(np.count_nonzero(raised)),
             largest_raise=most,
-            bodies=level_bodies,
+            bodies=len(there),
         )
 
     def _tell_no_shore(self, rise: Array, lattice: Lattice) -> None:
@@ -215,41 +234,73 @@ class SurfaceFlattenWater:
             units=self.surface.units[:1],
         )
 
+    @cached_property
+    def _laid(self) -> Vector:
+        """The water that was found, but for what is known to be another one, and the known one."""
+        if not self.known:
+            return self.water
+        found, known = self.water.frame, self.known.frame
+        every = shapely.union_all(shapely.force_2d(known.geometry.to_numpy()))
+        shapes = shapely.force_2d(found.geometry.to_numpy())
+        covered = shapely.area(shapely.intersection(shapes, every)) > COVERED * shapely.area(shapes)
+        if gone := np.count_nonzero(covered):
+            log.warning("%d of %d found waters give way to known ones", gone, len(found))
+        rest = Vector(found[~covered], name=self.water.name, geometry_type="Polygon Z")
+        return Vector.concat([rest, Vector(known.assign(**{EVIDENCE: "known"}))])
+
     def _bodies(self) -> Iterator[tuple[shapely.Polygon, Surface]]:
         """The polygons with the surface of each, in the unit of the heights."""
-        frame = self.water.frame
+        frame = self._laid.frame
         for number in range(len(frame)):
             row = frame.iloc[number]
-            level = self.level if self.level is not None else float(row[LEVEL])
-            if not math.isfinite(level):
-                raise DataError("surface.flatten_water", {"water": "a polygon has no level"})
             one = Vector(frame.iloc[[number]], name=self.water.name)
-            falls = self.level is None and float(row.get(SLOPE, 0.0)) > 0
             for shape in polygons(one, "water"):
-                yield shape, Surface.through(shape) if falls and shape.has_z else Surface(level)
+                yield shape, self._surface_of(row, shape)
+
+    def _surface_of(self, row: Any, shape: shapely.Polygon) -> Surface:
+        """The surface of a polygon by its attributes, or by the heights of its vertices."""
+        level = float(row.get(LEVEL, math.nan)) if self.level is None else self.level
+        falls = self.level is None and float(row.get(SLOPE, 0.0)) > 0
+        if math.isfinite(level) and not (falls and shape.has_z):
+            return lambda x, y: np.full(np.broadcast(x, y).shape, level)
+        corners = shapely.get_coordinates(shape, include_z=True)
+        if not np.isfinite(corners).all():
+            raise DataError("surface.flatten_water", {"water": "a polygon has no level"})
+        return between(corners)
 
 
-@dataclass(frozen=True)
-class Surface:
-    """A level surface of water, or the plane of a river: a height at a place, and its gradient."""
+def _tells_heights(water: Vector) -> bool:
+    """Whether polygons have levels, or heights at their vertices."""
+    return LEVEL in water.names or bool(shapely.has_z(water.frame.geometry.to_numpy()).all())
 
-    height: float
-    x: float = 0.0
-    y: float = 0.0
-    east: float = 0.0
-    north: float = 0.0
 
-    @classmethod
-    def through(cls, shape: shapely.Polygon) -> Surface:
-        """The plane of least squares through the vertices of a polygon."""
-        xyz = shapely.get_coordinates(shape.exterior, include_z=True)
-        x, y, z = xyz.mean(axis=0)
-        (east, north), *_ = np.linalg.lstsq(xyz[:, :2] - (x, y), xyz[:, 2] - z, rcond=None)
-        return cls(float(z), float(x), float(y), float(east), float(north))
+def between(xyz: Array) -> Surface:
+    """The surface between heights at places; beyond them it is as at the nearest one.
 
-    def at(self, x: Array, y: Array) -> Array:
-        """Its heights at places."""
-        return self.height + self.east * (x - self.x) + self.north * (y - self.y)
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+
+    Examples
+    --------
+    >>> surface = between(np.array([[0.0, 0, 1], [0, 2, 1], [4, 0, 3], [4, 2, 3]]))
+    >>> surface(np.array([1.0, 9.0]), np.array([1.0, 1.0]))
+    array([1.5, 3. ])
+    """
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+
+    middle = xyz[:, :2].mean(axis=0)
+    places, heights = xyz[:, :2] - middle, xyz[:, 2]
+    inside, beyond = (
+        make(places, heights) for make in (LinearNDInterpolator, NearestNDInterpolator)
+    )
+
+    def at(x: Array, y: Array) -> Array:
+        x, y = np.broadcast_arrays(x - middle[0], y - middle[1])
+        found = inside(x, y)
+        return np.asarray(np.where(np.isnan(found), beyond(x, y), found))
+
+    return at
 
 
 def _not_on(surface: Raster, terrain: Raster) -> str | None:

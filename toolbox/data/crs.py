@@ -49,7 +49,7 @@ _FORMS = (
     "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), 'EPSG:2154+ellipsoid' (with heights above "
     "the ellipsoid), a WKT text, or 'local' (plain metres; local:mm, local:cm, local:ft)"
 )
-_CODE = re.compile(r"[A-Za-z]\w*:\w+(\+\w+)?")
+_CODE = re.compile(r"[A-Za-z]\w*:\w+(\+([A-Za-z]\w*:)?\w+)?")
 _NUMBER = re.compile(r"\d{4,5}(\+(\d{4,5}|ellipsoid))?", re.I)  # codes of EPSG, said without it
 ABOVE_ELLIPSOID = "above the ellipsoid"
 NOT_STATED = "not stated by the data"
@@ -93,6 +93,8 @@ def parse_crs(text: str) -> CRS:
     'Local coordinates in millimetres'
     """
     text = text.strip()
+    close = re.sub(r"\s*\+\s*", "+", text)
+    text = close if _CODE.fullmatch(close) or _NUMBER.fullmatch(close) else text
     if _NUMBER.fullmatch(text):
         text = f"EPSG:{text}"
     if text.lower() in LOCALS:
@@ -104,10 +106,56 @@ def parse_crs(text: str) -> CRS:
     try:
         crs = CRS.from_user_input(text)
     except CRSError as error:
-        raise ValueError(f"{text!r} is not a CRS that PROJ knows; {_FORMS}") from error
+        why = _no_heights(text) or f"{text!r} is not a CRS that PROJ knows"
+        raise ValueError(f"{why}; {_FORMS}") from error
     if crs.is_vertical and not crs.is_compound:
         raise ValueError(f"{text!r} is a height system alone ({crs.name}); {_FORMS}")
     return crs
+
+
+def _no_heights(text: str) -> str:
+    """Why the code behind the + of a compound code is none of a height system; "" if it is one.
+
+    >>> _no_heights("EPSG:2154+32635")
+    "'EPSG:2154+32635': behind the + stands no height system but WGS 84 / UTM zone 35N"
+    """
+    plane, plus, code = text.partition("+")
+    try:
+        crs = CRS.from_user_input(code if ":" in code else f"{plane.partition(':')[0]}:{code}")
+    except CRSError:
+        return f"{text!r}: PROJ knows no height system {code}" if plus else ""
+    if not plus or crs.is_vertical:
+        return ""
+    return f"{text!r}: behind the + stands no height system but {crs.name}"
+
+
+def assumed(stated: CRS | None, given: CRS | str | int | None) -> CRS | None:
+    """The CRS of a layer: the one it states, or else the given one.
+
+    Where the given one is the stated one with a height system, which the layer does not state,
+    the heights are in that.
+
+    Examples
+    --------
+    >>> assumed(CRS(2154), CRS("EPSG:2154+5720")) == CRS("EPSG:2154+5720")
+    True
+    >>> assumed(CRS(2154), CRS("EPSG:32631+5720")) == CRS(2154)
+    True
+    """
+    crs = crs_of(given)
+    return crs if stated is None or (crs and adds_heights(stated, crs)) else stated
+
+
+def adds_heights(stated: CRS, given: CRS) -> bool:
+    """Whether a CRS is another one with a height system, which that does not state.
+
+    Examples
+    --------
+    >>> adds_heights(CRS(2154), CRS("EPSG:2154+5720")), adds_heights(CRS(2154), CRS(2154))
+    (True, False)
+    """
+    flat = not (has_heights(stated) or stated.is_engineering) and has_heights(given)
+    return flat and same_crs(_plane(stated), _plane(given))
 
 
 def crs_of(given: CRS | str | int | None) -> CRS | None:

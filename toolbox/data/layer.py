@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
-from toolbox.data.crs import describe_crs
+from toolbox.data.crs import assumed, describe_crs
 from toolbox.data.extras import Extra
 from toolbox.data.lattice import in_plan
 from toolbox.errors import DataError
@@ -117,6 +117,11 @@ class Layer:
     def with_crs(self, crs: CRS | str | int | None) -> Self:
         """The same layer, said to be in another CRS; as it is if it has no coordinates."""
         return self
+
+    def assuming(self, crs: CRS | str | int | None) -> Self:
+        """The same layer, in the CRS that it states or else in this one; see `crs.assumed`."""
+        known = assumed(self.crs, crs)
+        return self if known is self.crs else self.with_crs(known)
 
     def with_head(self, head: Mapping[str, str]) -> Self:
         """The layer with the title, client and date of the set that it is handed over with."""

@@ -180,7 +180,7 @@ class PointCloud(Layer):
             edge; of a COPC file no more than needed is read, and of a survey only the files whose
             bounding boxes touch it
         point_range : (start, stop): only the points with these indices, stop excluded
-        assume_crs : of files that state none
+        assume_crs : of files that state none, or the stated one with its height system
         reading : where hashes and records of the files that are read from end to end are noted
         ctx : told of progress, and asked whether to stop
 
@@ -207,7 +207,7 @@ class PointCloud(Layer):
             cloud = cls._read(file, suffix, columns, separator, bounds, point_range, reading, ctx)
         except OSError as error:
             raise DataError(f"{file} cannot be read: {error.strerror or error}") from error
-        cloud.crs = crs_of(assume_crs) if cloud.crs is None else cloud.crs
+        cloud = cloud.assuming(assume_crs)
         return cloud if bounds is None else cloud.within(bounds)
 
     @classmethod

@@ -197,7 +197,7 @@ class Raster(Layer):
         band : its number, counted from 1; all bands unless given
         reproject : bring the raster to this CRS as surface.reproject does, integers by the cell
             that they lie in and floats between cells; refused where that changes heights
-        assume_crs : of a file that states none
+        assume_crs : of a file that states none, or the stated one with its height system
         ctx : where to report progress
 
         Raises
@@ -215,8 +215,7 @@ class Raster(Layer):
             with _position_unchecked(), rasterio.open(here, driver=driver) as source:
                 raster = _read(source, path.name)
         raster = raster if band is None else raster._alone(band)
-        if raster.crs is None and assume_crs is not None:
-            raster = raster.with_crs(assume_crs)
+        raster = raster.assuming(assume_crs)
         if reproject is not None:
             from toolbox.data.resampling import on_the_way
 

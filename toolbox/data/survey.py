@@ -16,7 +16,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import vpc
-from toolbox.data.crs import crs_conflicts, crs_of, metres_per_unit
+from toolbox.data.crs import assumed, crs_conflicts, crs_of, metres_per_unit
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.layer import Inside, Layer
@@ -122,7 +122,7 @@ class SurveyFile:
             path=path,
             count=int(header.point_count),
             bounds=(*header.mins.tolist(), *header.maxs.tolist()),
-            crs=assume_crs if metadata.crs is None else metadata.crs,
+            crs=assumed(metadata.crs, assume_crs),
             version=f"1.{metadata.minor}",
             copc=bool(metadata.copc),
             point_format=int(header.point_format.id),
@@ -287,7 +287,7 @@ class Survey(Layer):
             pattern such as ``tiles/**/*.laz``, a virtual point cloud (.vpc), or a list of these;
             see :meth:`toolbox.data.paths.PointFiles.of`
         columns, separator : of text files, as in :meth:`PointCloud.open`
-        assume_crs : of files that state none
+        assume_crs : of files that state none, or the stated one with its height system
         ctx : told of progress, and asked whether to stop
 
         Raises

@@ -222,7 +222,7 @@ class Vector(Layer):
         columns : names of all columns of a CSV file, with x and y; instead of its first line
         reproject : bring the features to this CRS as vectors.reproject does; z of formats that say
             nothing of heights is left out
-        assume_crs : of a file that states none
+        assume_crs : of a file that states none, or the stated one with its height system
         ctx : where to report progress
 
         Raises
@@ -244,8 +244,7 @@ class Vector(Layer):
                 vector = cls(feature_table.read(here, columns), name=path.name)
             else:
                 vector = _read(here, layer)
-        if vector.crs is None and assume_crs is not None:
-            vector = vector.with_crs(assume_crs)
+        vector = vector.assuming(assume_crs)
         ctx.progress(1.0)
         return vector if reproject is None else vector._reprojected(reproject)
 

@@ -250,7 +250,18 @@ def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
             for block in section.blocks
         ]
         folded = section.folded or not declared.listed
-        yield Section(section.title, blocks, folded)
+        yield Section(section.title, blocks, folded, None if declared.listed else _short(blocks))
+
+
+def _short(blocks: Sequence[Block]) -> list[Block]:
+    """What stands on paper for tables that are listed nowhere else: long ones are counted."""
+    return [
+        f"{block.caption}: {len(block.table)} rows, which are on the page for browsers and in the "
+        "files."
+        if isinstance(block, Rows) and not block.is_short
+        else block
+        for block in blocks
+    ]
 
 
 def _pictures(found: Mapping[str, Any], spec: Spec) -> list[Section]:

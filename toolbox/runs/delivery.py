@@ -13,10 +13,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pyproj import CRS
+
 from toolbox import files
 from toolbox.context import Context, log
 from toolbox.data import Drawing, PointCloud, Survey, Table, Vector, dxf
-from toolbox.data.crs import is_local
+from toolbox.data.crs import NOT_STATED, crs_text, height_system, is_local
 from toolbox.data.layer import Layer
 from toolbox.data.report.columns import column_of
 from toolbox.data.report.document import today
@@ -133,6 +135,17 @@ def tell_missing(writes: Mapping[str, Target]) -> None:
         if target.missing:
             told = name.removeprefix(f"{DELIVER} ")
             log.info("%s will be left out: %s", told, target.missing)
+
+
+def tell_heights(crs: CRS | None) -> None:
+    """Warn that nobody knows what the heights of a set are measured from, and how to say it."""
+    if crs is not None and height_system(crs) == NOT_STATED:
+        log.warning(
+            "the data state no height system, so no height of the set can be compared with a "
+            "gauge, a map or another survey; where you know it, give it with the CRS, such as "
+            "assume_crs %s, or for good with points.assign_crs",
+            f"{crs_text(crs)}+CODE" if "[" not in crs_text(crs) else "EPSG:2994+5703",
+        )
 
 
 def _folder_problem(folder: Path) -> str | None:

@@ -112,7 +112,7 @@ class Source:
             It cannot be read.
         """
         made = self._read(kind, crs, reading, ctx) if self.layer is None else self.layer
-        made = made.with_crs(crs) if crs is not None and made.crs is None else made
+        made = made.assuming(crs)
         check_place(made, crs)
         if self.several and "bounds" in self.options and not len(made):
             log.warning("%s: no point lies within bounds; info says where they are", made.name)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import geopandas
 import numpy as np
 import pytest
+import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
 import toolbox
-from toolbox.data import PointCloud, Raster
+from toolbox.data import PointCloud, Raster, Vector
 
 ROAD, BRIDGE = 11, 17
 
@@ -121,3 +123,13 @@ def test_the_report_of_the_set_has_the_contours_on_its_map(tmp_path: Path) -> No
     head, _, rest = text.partition("<h2>Results</h2>")
     assert head
     assert "Unit" not in rest.partition("</table>")[0], "counts have none"
+
+
+def test_known_water_is_laid_in_place_of_what_was_found() -> None:
+    known = geopandas.GeoDataFrame(
+        {"level": [-0.5]}, geometry=[shapely.box(5e5 + 40, 4.6e6, 5e5 + 80, 4.6e6 + 120)], crs=32635
+    )
+    values = {"points": canal(), "denoise": False, "image": False, "level_water": True}
+    found = toolbox.run("models.terrain", {**values, "known_water": Vector(known)})
+    assert found["dtm"].band()[60, 60] == np.float32(-0.5)
+    assert found["water_bodies"].frame["evidence"].tolist() == ["known"]

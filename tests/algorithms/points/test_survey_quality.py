@@ -183,3 +183,12 @@ def test_copies_of_points_are_told(
     quality(cloud, copies, cell=2.0)
     text = f"{len(copies)} of {len(cloud) + len(copies)} points lie at the place (x, y, z)"
     assert (text in caplog.text) is told
+
+
+def test_cells_may_be_a_whole_number_of_those_of_another_raster() -> None:
+    """Density and strips of data in feet lay across the cells of 3 ft of all other rasters."""
+    step = 0.9144
+    found = quality(strip(1, 0, 40), multiple_of=step).density
+    assert found.cell == pytest.approx(3 * step), "not less than four spacings"
+    for edge in (found.bounds[0], found.bounds[3]):
+        assert edge / step == pytest.approx(round(edge / step))

@@ -27,7 +27,7 @@ from algorithms.shoreline._outline import detail_of
 from algorithms.shoreline._reaches import along_banks
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import is_plane
-from algorithms.shoreline.extract import ShorelineExtract
+from algorithms.shoreline.extract import ShorelineExtract, open_edges
 from toolbox.data import PointCloud, Survey
 from toolbox.declare import ClassList, Position
 from toolbox.errors import DataError
@@ -510,6 +510,33 @@ def test_what_is_known_by_its_level_alone_is_left_out_and_told(
     assert set(extract(dry.points, bodies="all", level_alone=True).water.frame["evidence"]) == {
         "level"
     }
+
+
+@pytest.mark.parametrize(("returned", "count"), [(0.6, 1), (0.9, 0)])
+def test_level_water_that_returns_fewer_pulses_than_land_is_found(
+    returned: float, count: int, caplog: Any
+) -> None:
+    """A pool of a river of which 52 % of the pulses came back was left out: half was the limit."""
+    bright = waters.survey("calm", 3, density=3.0, returned=returned, contrast=0.0)
+    found = extract(bright.points, bodies="all")
+    assert found.count == count
+    if count:
+        assert set(found.water.frame["evidence"]) == {"fewer returns, level"}
+    else:
+        assert "1 level places are left out" in caplog.text
+
+
+def test_waters_that_the_data_cut_are_told_in_one_line() -> None:
+    rows = [
+        {"body": k, "open_length": 10.0 * (k != 2), "perimeter": 90.0}
+        for k in (1, 2, 3, 4, 5, 6, 7, 8)
+    ]
+    assert open_edges(rows) == (
+        "7 water bodies meet the edge of the data, where their outlines are no shore: body 1 10 of "
+        "90 m; body 3 10 of 90 m; body 4 10 of 90 m; body 5 10 of 90 m; body 6 10 of 90 m; and 2 "
+        "more"
+    )
+    assert open_edges(rows[1:2]) == ""
 
 
 @pytest.mark.parametrize("shape", [(-1, 0), (0, 1), (0.7, 0.7)])

@@ -193,7 +193,56 @@ def test_no_shore_is_raised_where_none_is_wanted() -> None:
 def test_levels_must_be_known() -> None:
     water = pond()
     bare = Vector(water.frame.drop(columns="level"), name="w.gpkg")
-    with pytest.raises((DataError, ParameterError), match="has no attribute level"):
+    with pytest.raises((DataError, ParameterError), match="has no attribute level, and no heights"):
         SurfaceFlattenWater(terrain=bowl(), water=bare).run()
     with pytest.raises(DataError, match="a polygon has no level"):
         SurfaceFlattenWater(terrain=bowl(), water=pond(np.nan)).run()
+
+
+def bank(west: float, east: float, heights: tuple[float, float]) -> shapely.Polygon:
+    """A reach of a river from west to east, 4 m wide, with heights at its ends."""
+    ring = shapely.get_coordinates(shapely.box(WEST + west, NORTH - 12, WEST + east, NORTH - 8))
+    along = (ring[:, 0] - WEST - west) / (east - west)
+    z = heights[0] + along * (heights[1] - heights[0])
+    return shapely.Polygon(np.column_stack([ring, z]))
+
+
+def layer(*shapes: shapely.Polygon, **attributes: list[float]) -> Vector:
+    return Vector(geopandas.GeoDataFrame(attributes, geometry=list(shapes), crs=UTM))
+
+
+def test_known_water_is_laid_beside_what_was_found(caplog: pytest.LogCaptureFixture) -> None:
+    """Two of the four pools of a river were not found, and there was no way to give them."""
+    ground = raster(np.full((20, 20), 12.0))
+    found = layer(bank(0, 8, (9.0, 9.0)), level=[9.0], slope=[0.0])
+    rapids, pool = bank(8, 12, (9.0, 7.0)), bank(12, 20, (7.0, 7.0))
+    known = layer(rapids, pool)
+    made = SurfaceFlattenWater(terrain=ground, water=found, known=known).run()
+    z = made.flattened.band()[9]
+    np.testing.assert_allclose(z, [*[9] * 8, 8.75, 8.25, 7.75, 7.25, *[7] * 8], atol=1e-6)
+    assert (np.diff(z) <= 0).all(), "a river does not rise on its way"
+    assert made.bodies == 3
+    assert made.laid.frame["evidence"].tolist()[1:] == ["known", "known"]
+    assert not caplog.text
+    level = SurfaceFlattenWater(terrain=ground, water=found, known=layer(pool, level=[6.5])).run()
+    assert (level.flattened.band()[9, 12:] == 6.5).all(), "an attribute, not heights left from it"
+
+
+def test_known_water_takes_the_place_of_what_it_covers(caplog: pytest.LogCaptureFixture) -> None:
+    ground = raster(np.full((20, 20), 12.0))
+    found = layer(bank(0, 8, (9, 9)), bank(8, 20, (9, 9)), level=[9.0, 9.0])
+    known = layer(bank(0, 10, (8, 8)))
+    made = SurfaceFlattenWater(terrain=ground, water=found, known=known).run()
+    assert "1 of 2 found waters give way to known ones" in caplog.text
+    np.testing.assert_array_equal(made.flattened.band()[9], [*[8] * 10, *[9] * 10])
+    flat = layer(shapely.force_2d(bank(0, 10, (8, 8))))
+    with pytest.raises((DataError, ParameterError), match=r"known: .* has no attribute level"):
+        SurfaceFlattenWater(terrain=ground, water=found, known=flat).run()
+
+
+def test_a_pool_does_not_raise_the_lower_one_beside_it() -> None:
+    """Its shore was laid five metres into the water below a weir."""
+    pools = layer(bank(12, 20, (7, 7)), bank(0, 12, (9, 9)), level=[7.0, 9.0])
+    made = SurfaceFlattenWater(terrain=raster(np.full((20, 20), 12.0)), water=pools).run()
+    np.testing.assert_array_equal(made.flattened.band()[9], [*[9] * 12, *[7] * 8])
+    assert made.raised == 0

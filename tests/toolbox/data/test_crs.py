@@ -15,6 +15,7 @@ from toolbox.data import Drawing, PointCloud, Raster, Vector
 from toolbox.data.crs import (
     LOCAL,
     LOCALS,
+    assumed,
     crs_conflict,
     crs_text,
     describe_crs,
@@ -53,6 +54,8 @@ def parsed(text: str | None) -> CRS | None:
         ("EPSG:2154", "EPSG:2154 RGF93 v1 / Lambert-93"),
         (" epsg:2154 ", "EPSG:2154 RGF93 v1 / Lambert-93"),
         ("EPSG:2154+5720", "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height"),
+        ("2154 + 5720", "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height"),
+        ("EPSG:2154 + EPSG:5720", "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height"),
         ("EPSG:7415", "EPSG:28992+5709 Amersfoort / RD New + NAP height"),
         ("Local", "local coordinates in metres"),
         (CRS("EPSG:28992").to_wkt("WKT1_GDAL"), "EPSG:28992 Amersfoort / RD New"),
@@ -76,6 +79,31 @@ def test_other_text_is_refused_with_the_forms_that_work(text: str) -> None:
     with pytest.raises(ValueError, match=r"is not a CRS.*'EPSG:2154\+5720'.*WKT.*'local'") as error:
         parse_crs(text)
     assert repr(text) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("EPSG:2154+32635", "behind the + stands no height system but WGS 84 / UTM zone 35N"),
+        ("EPSG:2154+EPSG:99999", "PROJ knows no height system EPSG:99999"),
+        ("EPSG:5720+2154", "behind the + stands no height system but RGF93 v1 / Lambert-93"),
+    ],
+)
+def test_the_part_that_is_no_height_system_is_named(text: str, says: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(f"{text!r}: {says}; give")):
+        parse_crs(text)
+
+
+def test_a_height_system_is_assumed_of_what_states_its_plane_alone() -> None:
+    """Data with a CRS and without a datum of heights needed a run of its own to get one."""
+    plane, whole = CRS(2154), CRS("EPSG:2154+5720")
+    assert assumed(None, "EPSG:2154") == plane
+    assert assumed(plane, whole) == whole
+    assert assumed(plane, "EPSG:2154+ellipsoid") == parse_crs("EPSG:2154+ellipsoid")
+    assert assumed(plane, "EPSG:2155+5720") == plane, "another plane is no mistake to repair"
+    assert assumed(whole, "EPSG:2154+5717") == whole, "nor is another height system"
+    assert assumed(parse_crs("local"), whole) == parse_crs("local")
+    assert assumed(plane, None) == plane
 
 
 def test_height_system_alone_is_refused() -> None:

@@ -698,3 +698,20 @@ def test_an_input_may_have_another_value_for_the_set_unless_it_is_given(
     with pytest.raises(ParameterError) as told:
         toolbox.run(str(wrong), {"points": points})
     assert set(told.value.problems) == {"deliver.values.cel", "deliver.values.interval"}
+
+
+def test_heights_of_a_set_that_are_measured_from_nothing_known_are_told(
+    model: str, points: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A level that no gauge can be compared with was handed over without a word."""
+    toolbox.run(model, {"points": points, "deliver": tmp_path / "a"})
+    assert "the data state no height system" in caplog.text
+    assert "assume_crs EPSG:32635+CODE" in caplog.text
+    caplog.clear()
+    said = {"assume_crs": "EPSG:32635+5773"}
+    toolbox.run(model, {"points": points, "deliver": tmp_path / "b"}, **said)
+    assert "no height system" not in caplog.text
+    assert "EGM96 height" in (tmp_path / "b" / "README.txt").read_text()
+    caplog.clear()
+    toolbox.run(model, {"points": points, "surface": tmp_path / "s.tif"})
+    assert "no height system" not in caplog.text, "nothing is handed over"

@@ -296,3 +296,19 @@ def test_what_is_assumed_is_reprojected(own: bool, caplog: pytest.LogCaptureFixt
     assert made["checkpoints"].crs == CRS(32635)
     assert made["checkpoints"].bounds[0] == pytest.approx(995_000, abs=10_000)
     assert "is not assumed" not in caplog.text, "it was taken by the table"
+
+
+@pytest.mark.parametrize("kind", [POINTS, EITHER])
+def test_heights_are_assumed_of_points_that_state_none(
+    kind: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("a.laz", "b.laz"):
+        cloud([[500_000, 4_600_000, 0]]).save(tmp_path / name)
+    whole = CRS("EPSG:32635+5773")
+    paths = [str(tmp_path / "a.laz"), str(tmp_path / "b.laz")]
+    source = Source.of(kind, paths if kind is EITHER else paths[0])
+    made = source.open(kind, whole)
+    assert made.crs == whole
+    held = source.open(kind)
+    assert Source.of(kind, held).open(kind, whole).crs == whole, "of a layer in memory, too"
+    assert "is not assumed" not in caplog.text

@@ -27,12 +27,24 @@ from algorithms.corridor._clearance.rules import (
     STUDY,
     TITLES,
     Voltages,
+    covered,
     rule_set,
     shipped,
     span_of,
     voltages_of,
 )
 
+FOR = {  # where a set is asked for, and what else to know
+    "ch_lev": "Switzerland. Trees: ask the owner of the line",
+    "cpuc_go95": "California, USA; other states follow the NESC, which is not here",
+    "ekaty": "Türkiye",
+    "en_50341": "Countries of CENELEC. To 45 kV the Czech values; above, the main body of the "
+    "standard: the national annex (NNA) of the country decides",
+    "nerc_fac_003": "USA, and the provinces of Canada that adopted it; from 200 kV, below it for "
+    "lines that an authority has named. Distances at sea level: they grow with altitude, which "
+    "the report says",
+    "thesis": "No country: risk classes of a study, the default",
+}
 PAGE = Path(__file__).parent / "reference" / "clearance-rules.md"
 TOLD = [kind for kind in KINDS if kind != "unclassified"]
 HEAD = """# Clearance rules, by set, kind and voltage
@@ -72,8 +84,10 @@ python -m toolbox run models.power_line_clearance --points line.laz --rule_table
 
 `kind` is one of tree, building, other, unclassified, ground, water, rail, road, line, or any;
 `direction` 3-D, vertical or horizontal; `severity` critical, warning or watch. Further columns are
-`voltage_min` and `voltage_max`, in kV, with which `--voltage` must be given, and `per_kv`, added
-per kV. `within` and `note` may be empty or missing. `confirmed` tells if you vouch
+`voltage_min` and `voltage_max`, in kV, with which `--voltage` must be given, `per_kv`, added
+per kV, and `altitude`, up to which the distance is enough (of a regulation whose distances grow
+with altitude, take the row for your line). `within` and `note` may be empty or missing.
+`confirmed` tells if you vouch
 for the value: the report says *given by the user*, and *to be confirmed* otherwise. If any row is
 in ft, what is near without a rule follows the order of the USA. What is wrong in a table is told
 row by row, before the run.
@@ -83,7 +97,23 @@ row by row, before the run.
 def page() -> str:
     """The page, as Markdown."""
     sets = [line for name in shipped() for line in _set(name)]
-    return "\n".join([HEAD, *_near(), *sets, OWN])
+    return "\n".join([HEAD, *_which(), *_near(), *sets, OWN])
+
+
+def _which() -> Iterator[str]:
+    """A table of the sets: where each is asked for, and for which kinds it has no distance."""
+    yield "## Which set\n"
+    yield "For other countries: [a table of your own](#your-own-table), or `--distance`.\n"
+    yield "| set | source | where | voltages | no distance at any voltage for |"
+    yield "| --- | --- | --- | --- | --- |"
+    for name in shipped():
+        table = rule_set(name)
+        known = covered(table)
+        silent = ", ".join(kind for kind in TOLD if kind not in known) or "-"
+        voltages = [voltages_of(row) for row in table.frame.to_dict("records")]
+        span = span_of((min(low for low, _ in voltages), max(high for _, high in voltages)))
+        yield f"| `{name}` | {TITLES[name]} | {FOR[name]} | {span} | {silent} |"
+    yield ""
 
 
 def _near() -> Iterator[str]:

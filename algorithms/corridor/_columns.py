@@ -61,7 +61,12 @@ SPANS = {
     "wire_like": Column("Wire-like points beside it", "m", 0),
     "length": Column("Length", "m", 1),
     "sag": Column("Sag", "m", 2),
-    "swing": Column("Swing of the wire that swings most", "°", 1),
+    "swing": Column(
+        "Swing of the wire that swings most",
+        "°",
+        1,
+        meaning="Empty where the wires sag too little to tell",
+    ),
     "swing_sd": Column(
         "Standard deviation of the swing",
         "°",
@@ -162,7 +167,8 @@ WIRES = {
         "Swing",
         "°",
         1,
-        meaning="Angle by which it hangs beside the vertical, above 0 to the left of the axis",
+        meaning="Angle by which it hangs beside the vertical, above 0 to the left of the axis; "
+        "empty where it sags too little to tell",
     ),
     "sag": Column("Sag", "m", 2, meaning="Greatest vertical distance below its chord"),
     "length": Column("Length of the wire", "m", 1),
@@ -200,7 +206,12 @@ TOWERS = {
     "azimuth": Column("Azimuth", "°", 0),
     "width": Column("Width", "m", 1),
     "arms": Column("Width of the arms", "m", 1),
-    "string": Column("Length of strings", "m", 1),
+    "string": Column(
+        "Length of strings",
+        "m",
+        1,
+        meaning="Of those by which wires pull; empty where they hang, of which it is not known",
+    ),
     "body": Column("Seen of its height", "%", 0, 100.0),
     "sd_along": Column("Standard deviation of its place along the line", "m", 1),
     "certain": Column("Certain (1), or told by wires alone or in an unsure place (0)"),

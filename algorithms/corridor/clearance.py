@@ -49,7 +49,7 @@ from algorithms.corridor._clearance.objects import (
     objects_of,
     with_falls,
 )
-from algorithms.corridor._clearance.report import doubt, report_of
+from algorithms.corridor._clearance.report import doubt, report_of, too_high
 from algorithms.corridor._clearance.rest import SURE, AtRest, Temperatures, band_of, extremes
 from algorithms.corridor._clearance.rules import (
     KINDS,
@@ -504,6 +504,8 @@ class CorridorClearance:
         if doubtful := doubt(rules):
             log.warning("%s", doubtful)
         line, temperatures, surveyed = metric._states(conductor)
+        if high := too_high(rules, line):
+            log.warning("%s", high)
         cloud = metric._cloud(line, rules, ctx.part(0.0, 0.3))
         surroundings = metric._surroundings(cloud, line, rules, ctx.part(0.3, 0.4))
         found, least = metric._violations(surroundings, line, rules, ctx.part(0.4, 0.6))
@@ -939,7 +941,7 @@ def _measured(rules: list[Rule]) -> float:
 
 
 def _bad_wires(wires: Vector) -> Iterator[tuple[str, str]]:
-    """The problem of the first invalid value in the layer of wires; covariances may be unknown."""
+    """The first invalid value in the layer of wires; swing and covariances may be unknown."""
     names = [*NUMBER_COLUMNS, *BOUNDED_COLUMNS, *VARIANCE_COLUMNS]
     for number, row in enumerate(wires.frame[names].to_dict("records"), start=1):
         for name, value in row.items():
@@ -952,6 +954,8 @@ def _broken(name: str, value: object) -> str:
     """The condition that a value of a column of wires fails; empty if it is valid."""
     if name in VARIANCE_COLUMNS:
         return "at least 0" if isinstance(value, float) and value < 0 else ""
+    if name == "swing" and (value is None or (isinstance(value, float) and math.isnan(value))):
+        return ""
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "a number"
     if name in WHOLE_COLUMNS and value % 1:

@@ -31,7 +31,7 @@ from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.errors import with_common_errors
 from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.ground import elevation
-from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
+from algorithms.corridor._extraction.labels import DOUBTFUL, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
 from algorithms.corridor._extraction.missed import (
     warn_of_edges,
@@ -44,6 +44,7 @@ from algorithms.corridor._extraction.missed import (
 )
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, nearest_wires
+from algorithms.corridor._extraction.strays import strays_of
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import Tower, dressed
 from algorithms.corridor._settings import SETTINGS
@@ -215,15 +216,24 @@ def finished(
 
 def label_points(line: PowerLine, corridor: Corridor, own: NDArray[np.int64]) -> None:
     """Enter the labels of the points of wires and towers; `own` are the points in the air."""
-    wire, span, tower, confidence = (line.labels[name] for name in (*LABEL_NUMBERS, "confidence"))
+    tower, confidence = line.labels["tower_id"], line.labels["confidence"]
     which, share = nearest_wires(corridor, line.wires)
-    on_it = which >= 0
-    points, which = own[on_it], which[on_it]
-    wire[points] = np.array([one.wire for one in line.wires])[which]
-    span[points] = np.array([one.span for one in line.wires])[which]
-    confidence[points] = 1 - 0.5 * share[on_it] ** 2
+    label_wires(line, own, which, 1 - 0.5 * share**2)
     for number, one_tower in enumerate(line.towers, start=1):
         points = own[one_tower.points]
-        points = points[wire[points] == 0]
+        points = points[line.labels["wire_id"][points] == 0]
         tower[points] = number
         confidence[points] = 0.5 + 0.5 * one_tower.support.body
+    stray = strays_of(corridor, line.wires, (which >= 0) | (tower[own] > 0))
+    label_wires(line, own, stray, np.full(len(own), DOUBTFUL))
+
+
+def label_wires(
+    line: PowerLine, own: NDArray[np.int64], which: NDArray[np.int64], sure: NDArray[np.float64]
+) -> None:
+    """Enter the labels of the points of wires: `which` wire each is of, -1 for none."""
+    on_it = which >= 0
+    points, which = own[on_it], which[on_it]
+    line.labels["wire_id"][points] = np.array([one.wire for one in line.wires])[which]
+    line.labels["span_id"][points] = np.array([one.span for one in line.wires])[which]
+    line.labels["confidence"][points] = sure[on_it]

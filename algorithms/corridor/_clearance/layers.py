@@ -241,6 +241,8 @@ def span_table(
         for number, state in enumerate(line.states):
             curves = [line.curves[number][k] for k in own]
             swung = max(own, key=lambda k: abs(line.curves[number][k].swing))
+            swing = math.degrees(math.atan(line.curves[number][swung].swing))
+            unknown = number == 0 and not swing  # too little sag to tell
             rows.append(
                 {
                     "span_id": span,
@@ -253,7 +255,7 @@ def span_table(
                     **missed[span],
                     "length": max(curve.length for curve in curves),
                     "sag": max(curve.sag for curve in curves),
-                    "swing": math.degrees(math.atan(line.curves[number][swung].swing)),
+                    "swing": None if unknown else swing,
                     "swing_sd": None if number else line.swing_sd[swung],
                     **_least_of(line, least, own, number, surroundings, point_sd),
                     **(_interval_of(band, own) if number == 0 else {}),

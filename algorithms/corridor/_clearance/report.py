@@ -178,7 +178,7 @@ def report_of(
         Section("Points near the wires", _zone_list(spans)),
         Section("Temperature of the wires", [_rest_text(line, rest, conductor)]),
         Section("Profiles", _profiles(across, line, rules, objects, axes, ctx.part(0.3, 1.0))),
-        Section("Distances required", _required(rules, coverage)),
+        Section("Distances required", _required(rules, coverage, line)),
         Section("States of the wires", [_wires_text(line, conductor)]),
         Section("Points that take no part", _left_out(surroundings)),
     ]
@@ -288,13 +288,31 @@ def _looked_at(line: LineStates) -> str:
 
 def doubt(rules: Sequence[Rule]) -> str:
     """Which required distances nobody has read in the regulation itself; "" for none."""
-    unsure = [f"{r.kind} {r.threshold:g} m" for r in rules if not r.confirmed]
+    unsure = _distances([rule for rule in rules if not rule.confirmed])
     if not unsure:
         return ""
     return (
         f"to be confirmed against the regulation in force by the engineer in charge: the distances "
-        f"required ({', '.join(unsure)})"
+        f"required ({unsure})"
     )
+
+
+def too_high(rules: Sequence[Rule], line: LineStates) -> str:
+    """Which required distances do not hold so far above the sea as the wires are; "" for none."""
+    low = [rule for rule in rules if rule.altitude < line.highest]
+    if not low:
+        return ""
+    altitude = min(rule.altitude for rule in low)
+    return (
+        f"the wires are up to {line.highest:.0f} m high, and the distances required "
+        f"({_distances(low)}) hold up to {altitude:.0f} m above the sea: the regulation asks for "
+        "more higher up; give its distances there as a table of your own"
+    )
+
+
+def _distances(rules: Sequence[Rule]) -> str:
+    """Kinds and distances of rules, without those that only let trees grow."""
+    return ", ".join(f"{r.kind} {r.threshold:.4g} m" for r in rules if r.severity != "watch")
 
 
 def _in_clumps(listed: pd.DataFrame) -> str:
@@ -425,7 +443,7 @@ def _span_list(spans: Table) -> list[Rows]:
     return [Rows(table, SPAN_CAPTION, MOST_SPANS, columns.SPANS, "spans")]
 
 
-def _required(rules: Sequence[Rule], coverage: Coverage) -> list[Rows | str]:
+def _required(rules: Sequence[Rule], coverage: Coverage, line: LineStates) -> list[Rows | str]:
     """The rules, with a place to sign where one is to be confirmed.
 
     Those in place of missing ones are told of the kinds that are near.
@@ -435,10 +453,12 @@ def _required(rules: Sequence[Rule], coverage: Coverage) -> list[Rows | str]:
     told = [rule for rule in rules if rule.severity != NO_RULE or rule.kind in near]
     table = Rows(_rule_table(told), RULE_CAPTION, columns=columns.RULES)
     doubtful = [rule for rule in told if not rule.confirmed]
+    high = too_high(told, line)
+    higher = [f"{high[0].upper()}{high[1:]}."] if high else []
     if not doubtful:
-        return [table]
+        return [table, *higher]
     europe = [OF_EUROPE] if any(has_annex(rule.source) for rule in doubtful) else []
-    return [table, TO_CONFIRM, *europe, TO_SIGN]
+    return [table, *higher, TO_CONFIRM, *europe, TO_SIGN]
 
 
 def _rule_table(rules: Sequence[Rule]) -> Table:

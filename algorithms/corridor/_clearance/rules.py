@@ -40,6 +40,7 @@ RULE_COLUMNS = (
     "threshold",
     "per_kv",
     "within",
+    "altitude",
     "severity",
     "confirmed",
     "note",
@@ -83,6 +84,7 @@ class Rule:
     severity : one of SEVERITIES
     confirmed : whether the value was read in the regulation itself, or in the study
     given : whether the user gave it, as a table or as one distance
+    altitude : metres above the sea up to which it is enough; higher up the source asks for more
     """
 
     id: str
@@ -96,6 +98,7 @@ class Rule:
     confirmed: bool
     note: str = ""
     given: bool = False
+    altitude: float = math.inf
 
     def holds_for(self, kind: str) -> bool:
         """Whether the rule holds for points of a kind.
@@ -254,7 +257,7 @@ def _problems(row: Mapping[Any, Any]) -> list[str]:
     for name, words in choices.items():
         if not pd.isna(row[name]) and row[name] not in words:
             found.append(f"{name} must be one of {', '.join(words)}, got {row[name]!r}")
-    for name in ("threshold", "per_kv", "within", "voltage_min", "voltage_max"):
+    for name in ("threshold", "per_kv", "within", "altitude", "voltage_min", "voltage_max"):
         value = row.get(name)
         if not _is_missing(value) and not _is_number(value):
             found.append(f"{name} must be a number of at least 0, got {value!r}")
@@ -302,6 +305,7 @@ def _rule(row: Mapping[Any, Any], voltage: float) -> Rule:
     more = 0.0 if _is_missing(row.get("per_kv")) else float(row["per_kv"])
     threshold = (float(row["threshold"]) + more * voltage) * unit
     within: Any = row.get("within")
+    altitude: Any = row.get("altitude")
     note = row.get("note")
     return Rule(
         str(row["id"]),
@@ -314,6 +318,7 @@ def _rule(row: Mapping[Any, Any], voltage: float) -> Rule:
         row["severity"],
         str(row["confirmed"]).lower() == "true",
         "" if _is_missing(note) else str(note),
+        altitude=math.inf if _is_missing(altitude) else float(altitude) * unit,
     )
 
 

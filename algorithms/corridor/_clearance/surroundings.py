@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -79,6 +80,12 @@ class LineStates:
         """Mean height of the ends of the wires, metres, from 0 to that of the highest mountain."""
         ends = [height for c in self.curves[0] for height in (c.z_start, c.z_end)]
         return float(np.clip(np.mean(ends), 0.0, 9000.0)) if ends else 0.0
+
+    @property
+    def highest(self) -> float:
+        """Height of the highest end of a wire, metres; below all others if there is none."""
+        ends = (height for c in self.curves[0] for height in (c.z_start, c.z_end))
+        return max(ends, default=-math.inf)
 
     @property
     def open_spans(self) -> list[int]:

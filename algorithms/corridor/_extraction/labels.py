@@ -12,6 +12,7 @@ from toolbox.data import PointCloud
 
 WIRE, TOWER, OTHER = np.uint8(14), np.uint8(15), np.uint8(1)  # ASPRS classes
 LINE_CLASSES = (13, 14, 15, 16)  # given anew: wire guard, conductor, tower, connector
+DOUBTFUL = 0.25  # confidence of points that are alone beside a wire: half the least of others
 POINT_NUMBER = "point_number"
 LABEL_NUMBERS = ("wire_id", "span_id", "tower_id")
 LABEL_DESCRIPTIONS = {

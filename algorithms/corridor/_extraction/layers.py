@@ -8,6 +8,7 @@ from typing import Any
 
 import geopandas
 import numpy as np
+import pandas as pd
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
@@ -123,7 +124,7 @@ def wire_row(wire: Wire, origin: Floats, metre: float) -> dict[str, Any]:
         "z0": origin[2] + metre * curve.z0,
         "v0": curve.v0,
         "v1": curve.v1,
-        "swing": math.degrees(math.atan(curve.swing)),
+        "swing": math.degrees(math.atan(curve.swing)) if curve.swing else math.nan,
         "sag": curve.sag,
         "length": curve.arc,
         "rms": curve.rms,
@@ -181,7 +182,7 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
                 row["curvature"],
                 row["v0"],
                 row["v1"],
-                math.tan(math.radians(row["swing"])),
+                0.0 if pd.isna(row["swing"]) else math.tan(math.radians(row["swing"])),
                 row["rms"],
                 int(row["points"]),
                 covariance if np.isfinite(covariance).all() else None,
@@ -195,15 +196,14 @@ def swing_sigmas(layer: Vector) -> Floats:
 
     A swing bows a wire in plan, so that its tangent is 2 c times the second coefficient of a
     parabola. The formula is that of such a coefficient for points that stand evenly on what was
-    seen of the wire. NaN where no swing was looked for.
+    seen of the wire. NaN where the swing is not known.
     """
     frame = layer.frame
     noise = frame["rms"] / math.sqrt(2.0)  # of the two directions square to the wire, one
     reach = frame["seen_to"] - frame["seen_from"]
     bow = noise * np.sqrt(180.0 / frame["points"]) / reach**2
-    tangent = np.tan(np.radians(frame["swing"]))
-    sigma = np.degrees(2 * bow / frame["curvature"] / (1 + tangent**2))
-    return np.where(frame["swing"] == 0, np.nan, sigma)
+    tangent = np.tan(np.radians(frame["swing"].to_numpy(float)))
+    return np.asarray(np.degrees(2 * bow / frame["curvature"] / (1 + tangent**2)), float)
 
 
 def tower_layer(
@@ -229,7 +229,7 @@ def tower_layer(
                 "azimuth": azimuth,
                 "width": 2 * tower.width,
                 "arms": support.reach[1] - support.reach[0],
-                "string": string,
+                "string": string or math.nan,
                 "body": support.body,
                 "points": len(tower.points),
                 "sd_along": support.sd_along if math.isfinite(support.sd_along) else math.nan,

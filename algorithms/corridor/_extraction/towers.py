@@ -17,8 +17,10 @@ from scipy.special import pdtr
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire
+from algorithms.corridor._extraction.strays import within
 from algorithms.corridor._extraction.supports import Support, sd_of_median
 from algorithms.corridor._settings import SETTINGS
+from algorithms.shared.clusters import dbscan
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -327,7 +329,31 @@ def dressed(
     take(corridor, ended)
     held = np.array([wire.supports for wire in wires])
     longest = [float(strings[held == number].max()) for number in range(len(supports))]
-    return ended, [tower_of(corridor, support) for support in supports], longest
+    towers = [with_overhang(corridor, tower_of(corridor, support)) for support in supports]
+    return ended, towers, longest
+
+
+def with_overhang(corridor: Corridor, tower: Tower) -> Tower:
+    """A lattice tower with what hangs on to it around its arms: their ends, peaks, and its waist.
+
+    Chains of points that begin at a point of the tower are of it if all of them are about as high
+    as its highest wires. A tree that reaches up to it has points below.
+    """
+    if not tower.lattice or not len(tower.points):
+        return tower
+    support, gap = tower.support, SETTINGS.points.company_side
+    near, *_ = around_axis(corridor, support)
+    rest = np.setdiff1d(near, tower.points, assume_unique=True)
+    if not len(rest):
+        return tower
+    xyz, height = corridor.air.xyz[rest], support.high - support.ground
+    low = xyz[:, 2] < support.high - 2 * SETTINGS.towers.arms_room * height
+    touches = within(xyz, corridor.air.xyz[tower.points], gap)
+    chain = dbscan(xyz, gap, 1)
+    hangs = (np.bincount(chain, touches) > 0) & (np.bincount(chain, low) == 0)
+    points = np.union1d(tower.points, rest[hangs[chain]])
+    top = float(np.quantile(corridor.air.xyz[points, 2], 0.995))
+    return replace(tower, points=points, top=max(top, support.high))
 
 
 def take(corridor: Corridor, wires: Sequence[Wire]) -> None:

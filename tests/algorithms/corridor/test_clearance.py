@@ -216,6 +216,33 @@ def test_distances_that_nobody_confirmed_are_a_warning(caplog: pytest.LogCapture
     assert told in caplog.text
 
 
+@pytest.mark.parametrize(("altitude", "told"), [(None, False), (100, False), (30, True)])
+def test_distances_that_do_not_hold_so_high_above_the_sea_are_told(
+    caplog: pytest.LogCaptureFixture, altitude: float | None, told: bool
+) -> None:
+    """As those of NERC, which grow with altitude. The ends of the wire are 40 and 52 m high."""
+    table = Table(pd.DataFrame([row(altitude=altitude)]))
+    found = run(hung(bits(150.0, 9.0, 3)), SLOPING, rule_table=table, growth=1.0)
+    text = "(tree 5 m) hold up to 30 m above the sea"
+    assert (text in caplog.text) == told
+    blocks = next(s.blocks for s in found["report"].sections if s.title == "Distances required")
+    assert any("The wires are up to 52 m high" in str(block) for block in blocks) == told
+
+
+def test_a_swing_that_was_not_looked_for_is_empty() -> None:
+    wires = layer(LEVEL, SLOPING)
+    swing = math.degrees(math.atan(SLOPING.swing))
+    assert wires.frame["swing"].tolist() == pytest.approx([math.nan, swing], nan_ok=True)
+    again = catenaries_of(wires, np.zeros(3))
+    assert [curve.swing for curve in again] == pytest.approx([0.0, SLOPING.swing])
+    spans = run(cloud(flat(), 2), LEVEL, SLOPING)["spans"].frame
+    assert spans["swing"].tolist() == pytest.approx([math.nan, swing], nan_ok=True)
+
+
+def test_the_distances_of_nerc_hold_at_sea_level() -> None:
+    assert {rule.altitude for rule in rules_of(rule_set("nerc_fac_003"), 345.0)} == {0.0}
+
+
 def signed(report: Report) -> bool:
     """Whether a report has a place to sign for the distances required."""
     blocks = next(s.blocks for s in report.sections if s.title == "Distances required")

@@ -323,7 +323,10 @@ def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: f
     assert (said[arms] == 15).all()
     assert (said[ends] == 14).sum() >= 0.9 * ends.sum()
     assert quality(said == 14, true == 14) > 0.98
-    assert (result.towers.frame.string > 0).all() == bool(string)
+    if string:
+        assert (result.towers.frame.string > 0).all()
+    else:
+        assert result.towers.frame.string.isna().all()  # how long hanging ones are is not seen
     assert result.wires.frame.span.between(59, 60.1).all()
 
 

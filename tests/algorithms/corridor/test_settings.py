@@ -18,6 +18,7 @@ ELSEWHERE = {
     "CELLS_AROUND",
     "CHORD_ERROR",
     "COVARIANCES",
+    "DOUBTFUL",
     "EXPONENTS",
     "FIT_ROUNDS",
     "GROUND_CELL",

@@ -276,6 +276,9 @@ class Sparse:
     stack_tolerance: float = built(
         0.1, "m", "how far points may lie from wires above each other, a third of their distance"
     )
+    ring: float = tried(
+        3.0, "radii", "of a wire, within which points are around it: up to the next of a sheet"
+    )
     neighbours: int = tried(256, "points", "that stand alone, among which wires from one are tried")
     reach: float = built(8.0, "m", "aside and up from a wire, to others that it is seen with")
     steps: int = tried(

@@ -53,7 +53,7 @@ def _take(v, w, n, taken, v0, w0, radius, number):
 
 
 @kernel
-def evidence(v, w, u, n, length, radius, reach, steps, taken, proof):
+def evidence(v, w, u, n, length, radius, reach, ring, inner, steps, taken, proof):
     """How unlikely wires are by chance: logarithm of the probability, wires marked in `taken`.
 
     Parameters
@@ -61,13 +61,12 @@ def evidence(v, w, u, n, length, radius, reach, steps, taken, proof):
     v, w, u : of n points, offset and height from the wire supposed, and distance along it
     length : of that wire
     radius, reach : of a wire, and of what is looked at around it
+    ring, inner : radius around a wire, and share of the points within it that are on it by chance
     steps : of the wire, in each of which points count once
     taken : number of the wire of each point, from 1, is filled in
     proof : logarithm for each wire beside the first, of how many as good are expected by chance
     """
-    ring = 3.0 * radius  # as wide as the shell around the line of a seed
     area = math.pi * radius * radius / (4.0 * reach * reach)
-    inner = 1.0 / 9.0
     filled = np.empty(steps, np.bool_)
     step = length / steps
     taken[:n] = 0
@@ -185,11 +184,11 @@ def _bent(lines, u, z, d, radius, flattest, tightest):
 def search(first, last, order, xyz, near, used, shape, steps, score, other, bend, tests):
     """For each point first..last of an order, the wire from it that is least likely by chance.
 
-    `shape` holds radius, reach, shortest length, steepest slope, largest sag by length, least and
-    largest curvature. `score` receives the logarithm of its probability, `other` its far end,
-    `bend` its curvature, and `tests` how many were tried.
+    `shape` holds radius, reach, ring and inner as for :func:`evidence`, shortest length, steepest
+    slope, largest sag by length, least and largest curvature. `score` receives the logarithm of its
+    probability, `other` its far end, `bend` its curvature, and `tests` how many were tried.
     """
-    radius, reach, shortest, steepest, sag, flattest, tightest = shape
+    radius, reach, ring, inner, shortest, steepest, sag, flattest, tightest = shape
     most = near.shape[1] + 1
     u, v, z, w = np.empty(2 * most), np.empty(most), np.empty(2 * most), np.empty(most)
     px, py, pz = np.empty(most), np.empty(most), np.empty(most)
@@ -229,6 +228,6 @@ def search(first, last, order, xyz, near, used, shape, steps, score, other, bend
                 continue
             j = own[k]
             inside, d = moved(i, j, k0, near[i], xyz, used, reach, u, v, w, index)
-            found = evidence(v, w, u, inside, d, radius, reach, steps, taken, proof)
+            found = evidence(v, w, u, inside, d, radius, reach, ring, inner, steps, taken, proof)
             if found < score[i]:
                 score[i], other[i], bend[i] = found, j, k0

@@ -197,8 +197,8 @@ def stacked(corridor: Corridor, max_gap: float, ctx: Context) -> Iterator[Tried]
     """
     if SETTINGS.sparse.stack_tolerance < corridor.tolerance:
         close = corridor.without_refused(SETTINGS.sparse.stack_tolerance)
-        pieces = stacked_wires(close, ctx)
-        yield Tried(close, pieces, *lines_among(close, pieces, max_gap, ctx))
+        for pieces in stacked_wires(close, ctx):
+            yield Tried(close, pieces, *lines_among(close, pieces, max_gap, ctx))
 
 
 def lines_among(

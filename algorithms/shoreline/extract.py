@@ -294,16 +294,25 @@ def open_edges(rows: Sequence[Row]) -> str:
     """
     from algorithms.shoreline._water import some_of
 
-    cut = [row for row in rows if row["open_length"]]
-    parts = [f"{row['open_length']:.0f} of {row['perimeter']:.0f} m" for row in cut]
-    if len(cut) == 1:
-        body = cut[0]["body"]
-        return f"water body {body}: {parts[0]} of its outline is the edge of the data, not a shore"
-    each = [f"body {row['body']} {part}" for row, part in zip(cut, parts, strict=True)]
+    of_body: dict[int, list[Row]] = {}
+    for row in rows:
+        if row["open_length"]:
+            of_body.setdefault(row["body"], []).append(row)
+    sums = {
+        body: [sum(part[name] for part in parts) for name in ("open_length", "perimeter")]
+        for body, parts in of_body.items()
+    }
+    if len(sums) == 1:
+        ((body, (cut, whole)),) = sums.items()
+        return (
+            f"water body {body}: {cut:.0f} of {whole:.0f} m of its outline is the edge of the "
+            "data, not a shore"
+        )
+    each = [f"body {body}, {cut:.0f} of {whole:.0f} m" for body, (cut, whole) in sums.items()]
     return (
-        f"{len(cut)} water bodies meet the edge of the data, where their outlines are no shore: "
+        f"{len(sums)} water bodies meet the edge of the data, where their outlines are no shore: "
         f"{some_of(each)}"
-        if cut
+        if each
         else ""
     )
 

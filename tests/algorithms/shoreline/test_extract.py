@@ -532,11 +532,13 @@ def test_waters_that_the_data_cut_are_told_in_one_line() -> None:
         for k in (1, 2, 3, 4, 5, 6, 7, 8)
     ]
     assert open_edges(rows) == (
-        "7 water bodies meet the edge of the data, where their outlines are no shore: body 1 10 of "
-        "90 m; body 3 10 of 90 m; body 4 10 of 90 m; body 5 10 of 90 m; body 6 10 of 90 m; and 2 "
-        "more"
+        "7 water bodies meet the edge of the data, where their outlines are no shore: body 1, "
+        "10 of 90 m; body 3, 10 of 90 m; body 4, 10 of 90 m; body 5, 10 of 90 m; body 6, 10 of "
+        "90 m; and 2 more"
     )
     assert open_edges(rows[1:2]) == ""
+    both = [rows[0], {"body": 1, "open_length": 5.0, "perimeter": 20.0}]
+    assert open_edges(both).startswith("water body 1: 15 of 110 m of its outline"), "of two parts"
 
 
 @pytest.mark.parametrize("shape", [(-1, 0), (0, 1), (0.7, 0.7)])

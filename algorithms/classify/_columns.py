@@ -17,8 +17,13 @@ BUILDINGS = {
     "form": Column("Form of the roof"),
     "confidence": Column("Confidence", "%", 0, 100.0),
     "squared": Column("Right angles"),
-    "sections": Column("Parts of the roof, between steps"),
+    "sections": Column("Sections of the roof, between steps"),
+    "parts": Column("Parts by height"),
     "cut": Column("Cut by the edge of the data"),
+}
+PARTS = {"id": Column("Part"), "building": Column("Building")} | {
+    name: BUILDINGS[name]
+    for name in ("area", "points", "ground", "eave", "ridge", "mean", "height", "form", "cut")
 }
 TREES = {
     "id": Column("Tree"),

@@ -61,10 +61,15 @@ class Roof(NamedTuple):
         upright = np.abs(np.nan_to_num(self.normal[:, 2].astype(np.float64), nan=1.0))
         return np.asarray(np.arccos(np.minimum(upright, 1.0)))
 
-    def without_walls(self) -> Roof:
-        """The points of planes less steep than walls; all if there are no others."""
+    @property
+    def no_walls(self) -> Mask:
+        """True for points of planes less steep than walls, or for all if there are no others."""
         roof = self.slope <= STEEPEST
-        return self.select(roof) if roof.any() else self
+        return roof if roof.any() else np.ones(len(roof), bool)
+
+    def without_walls(self) -> Roof:
+        """Those points."""
+        return self.select(self.no_walls)
 
 
 class Section(NamedTuple):
@@ -88,8 +93,31 @@ class Section(NamedTuple):
         return float(np.percentile(z[self.border] if self.border.any() else z, 10))
 
 
-def main_section(roof: Roof, spacing: float) -> Section:
-    """The largest section of a roof, seen from above.
+class Sections(NamedTuple):
+    """Pieces of a roof between the steps of its surface, in cells seen from above.
+
+    Attributes
+    ----------
+    number : of the section of each cell, array of shape (rows, cols)
+    areas : of each section, without empty cells, array of shape (m,), m²
+    row, col : of the cell of each of n points, arrays of shape (n,)
+    on_top : which points lie on the surface and not below it, array of shape (n,)
+    """
+
+    number: Ints
+    areas: Floats
+    row: Ints
+    col: Ints
+    on_top: Mask
+
+    @property
+    def of_points(self) -> Ints:
+        """Number of the section of each point, -1 for those below the surface."""
+        return np.where(self.on_top, self.number[self.row, self.col], -1)
+
+
+def sections(roof: Roof, spacing: float) -> Sections:
+    """Part a roof where its surface steps.
 
     Parameters
     ----------
@@ -102,18 +130,36 @@ def main_section(roof: Roof, spacing: float) -> Section:
     row, col = lattice.indices(x, y)
     top, rise = np.full(lattice.shape, -np.inf), np.zeros(lattice.shape)
     np.maximum.at(top, (row, col), z)
-    np.maximum.at(rise, (row, col), cell * np.tan(np.minimum(roof.slope, STEEPEST)))
-    largest, sizes = _sections(top, STEP + rise)
-    own = largest[row, col] & (z >= (top - STEP - rise)[row, col])
-    inner = binary_erosion(largest, np.ones((3, 3), bool))
-    count = int(np.count_nonzero(sizes * cell**2 >= ROOF))
-    return Section(roof.select(own), ~inner[row, col][own], max(count, 1))
+    own = row * lattice.cols + col
+    order = np.lexsort((roof.slope, own))
+    first = np.flatnonzero(np.diff(own[order], prepend=-1))
+    middle = order[(first + np.append(first[1:], len(own)) - 1) // 2]
+    rise[row[middle], col[middle]] = cell * np.tan(np.minimum(roof.slope, STEEPEST))[middle]
+    number = _without_step(top, STEP + rise)
+    areas = np.bincount(number.ravel(), np.isfinite(top).ravel()).astype(np.float64) * cell**2
+    return Sections(number, areas, row, col, z >= (top - STEP - rise)[row, col])
 
 
-def _sections(top: Floats, step: Floats) -> tuple[Mask, Ints]:
-    """The cells of the largest section, and the number of cells of each.
+def main_section(roof: Roof, spacing: float) -> Section:
+    """The largest section of a roof, seen from above.
 
-    Cells beside each other join without a step.
+    Parameters
+    ----------
+    roof : points that are no walls
+    spacing : metres between the points
+    """
+    found = sections(roof, spacing)
+    largest = found.areas.argmax()
+    own = found.of_points == largest
+    there = np.zeros(found.number.shape, bool)
+    there[found.row, found.col] = True
+    inner = binary_erosion(there & (found.number == largest), np.ones((3, 3), bool))
+    count = int(np.count_nonzero(found.areas >= ROOF))
+    return Section(roof.select(own), ~inner[found.row, found.col][own], max(count, 1))
+
+
+def _without_step(top: Floats, step: Floats) -> Ints:
+    """Number of the section of each cell: cells beside each other join without a step.
 
     Parameters
     ----------
@@ -124,15 +170,12 @@ def _sections(top: Floats, step: Floats) -> tuple[Mask, Ints]:
     pairs = []
     for one, other in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         with np.errstate(invalid="ignore"):  # of two empty cells
-            joined = np.abs(top[one] - top[other]) <= np.maximum(step[one], step[other])
+            joined = np.abs(top[one] - top[other]) <= np.minimum(step[one], step[other])
         pairs.append(np.stack([number[one][joined], number[other][joined]]))
     i, j = np.concatenate(pairs, axis=1)
     links = coo_array((np.ones(len(i), bool), (i, j)), shape=(top.size, top.size))
     _, section = connected_components(links, directed=False)
-    there = np.isfinite(top).ravel()
-    size = np.bincount(section, there).astype(np.int64)
-    largest = (section == size.argmax()) & there
-    return np.asarray(largest.reshape(top.shape)), size
+    return np.asarray(section.reshape(top.shape), np.int64)
 
 
 def form(roof: Roof, outline: Any) -> str:

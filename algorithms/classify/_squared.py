@@ -87,7 +87,9 @@ def _normal(chain: Floats) -> Floats:
     return np.array([-north, east])
 
 
-def squared(outline: Any, tolerance: float, disc: float = 0.0) -> tuple[Any, bool]:
+def squared(
+    outline: Any, tolerance: float, disc: float = 0.0, angle: float | None = None
+) -> tuple[Any, bool]:
     """An outline with straight walls and right angles; only simplified where these do not fit.
 
     Parameters
@@ -95,6 +97,7 @@ def squared(outline: Any, tolerance: float, disc: float = 0.0) -> tuple[Any, boo
     outline : shapely polygon
     tolerance : how far walls may be turned away from the outline, in its unit
     disc : radius of the disc that rolled around it, and cut inner corners off by up to 1.4 of that
+    angle : of the main direction in radians; its own unless given
 
     Returns
     -------
@@ -105,7 +108,7 @@ def squared(outline: Any, tolerance: float, disc: float = 0.0) -> tuple[Any, boo
     plain = outline.simplify(tolerance)
     if plain.is_empty or not plain.is_valid or plain.geom_type != "Polygon":
         return outline, False
-    angle = main_direction(plain)
+    angle = main_direction(plain) if angle is None else angle
     limits = WallLimits(tolerance, SHORT * tolerance, max(SHORT * tolerance, ROUND * disc))
     made = [
         wall_corners(corners(ring), corners(few), angle, limits)

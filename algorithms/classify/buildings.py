@@ -18,7 +18,7 @@ How well it does, and what it takes for a building: docs/explanation/urban-class
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -34,8 +34,9 @@ from algorithms.classify._crowns import crowns
 from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import FOOT, LET_THROUGH, solid
 from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
+from algorithms.classify._parts import levels, tiles
 from algorithms.classify._roofs import Roof, form, main_section
-from algorithms.classify._squared import squared
+from algorithms.classify._squared import main_direction, squared
 from algorithms.classify._vehicles import SEEN, ground_seen, large_vehicles
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
@@ -61,14 +62,12 @@ SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
 SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
 CLOSED = LET_THROUGH / 2  # share of pulses that go through edges on a roof; more through trees
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
-COLUMNS = (
-    *("id", "area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "form"),
-    *("confidence", "squared", "sections", "cut"),
-)
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Shapes = NDArray[Any]
+Rows = list[dict[str, Any]]
 
 
 @tool(
@@ -114,6 +113,12 @@ class ClassifyBuildings:
     the roof. Houses that touch are one building, since points from above do not show the walls
     between them: sections hint at it where their roofs differ in height. What the edge of the data
     cuts has the attribute cut: all of its figures are those of the part that was seen.
+
+    `parts` are the blocks of a city model: sections of 10 m² or more that lie beside each other and
+    whose mean heights differ by 2 m or more, as a tower and a low wing. Straight walls part them,
+    and together they are the outlines, without gaps; a roof at one height is one part. The ground
+    is that of the building, the attribute building its id. As CityJSON they are LoD1.3, the
+    outlines alone LoD1.2.
 
     `radius`, `context` and `alpha` follow the density of the points unless they are given, and
     `flat` the noise of points on the ground where pulses have several returns; much noise is told.
@@ -172,20 +177,27 @@ class ClassifyBuildings:
             columns=columns.BUILDINGS,
             also=(".city.json",),
         )
+        parts: Vector = sink(
+            "Parts of buildings at different heights, which tile the outlines",
+            show=show.Values("height", label="Height of the ridge above the ground", length=True),
+            columns=columns.PARTS,
+            also=(".city.json",),
+        )
         building_share: float = sink("Share of points that became building", unit="1")
 
         def in_words(self) -> str:
             """How many buildings, and how high."""
-            frame = self.outlines.frame
+            frame, metre = self.outlines.frame, self.outlines.metre
             if frame.empty:
                 return "No buildings were found."
-            heights = frame["height"] / self.outlines.metre
+            heights = frame["height"] / metre
             span = f"{heights.min():.1f} to {heights.max():.1f} m"
-            parts = int((frame["sections"] > 1).sum())
+            several = int((frame["parts"] > 1).sum())
             return (
-                f"Buildings: {len(frame)}, {span} high, counted by roof. An outline is that of a "
-                "connected roof, not a plot or a unit of a land register: houses that touch, as "
-                f"in a terrace, are one. With a roof in several parts: {parts}."
+                f"Buildings: {len(frame)}, {frame['area'].sum() / metre**2:.0f} m² in all, {span} "
+                "high, counted by roof. An outline is that of a connected roof, not a plot or a "
+                "unit of a land register: houses that touch, as in a terrace, are one. With parts "
+                f"of different heights: {several}; in all {len(self.parts)} parts."
             )
 
         def not_looked_at(self) -> Iterator[str]:
@@ -224,7 +236,7 @@ class ClassifyBuildings:
         cloud, metre = self.points, self.points.metre
         part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
         if not len(cloud):
-            return self._packed(part, part, [])
+            return self._packed(part, part, [], [])
         given = self.radius, self.context, self.alpha
         lengths = Lengths.of(cloud, self.flat, *given, ctx=ctx)
         features = self._features(part, lengths, ctx.part(0.0, 0.55))
@@ -239,9 +251,9 @@ class ClassifyBuildings:
             features, roof, with_what_is_joined(shapes, joined, metre), metre
         )
         ctx.progress(0.9)
-        rows = self._rows(features, planes, shapes, lengths, ctx.part(0.9, 1.0))
+        rows, parts = self._rows(features, planes, shapes, lengths, ctx.part(0.9, 1.0))
         ctx.progress(1.0)
-        return self._packed(found, part, rows)
+        return self._packed(found, part, rows, parts)
 
     def _features(self, part: Mask, lengths: Lengths, ctx: Context) -> _evidence.PointFeatures:
         """The points that take part, with their features."""
@@ -249,7 +261,7 @@ class ClassifyBuildings:
         if not np.isin(cloud["classification"], self.ground_classes).any():
             raise NothingToDo(
                 f"points: none is of class {self.ground_classes}; classify ground first",
-                instead=self._packed(np.zeros(len(part), bool), part, []),
+                instead=self._packed(np.zeros(len(part), bool), part, [], []),
             )
         features = _evidence.PointFeatures(
             cloud,
@@ -273,7 +285,11 @@ class ClassifyBuildings:
         return roof & ~large_vehicles(features, roof, lengths.spacing, self.smallest, ctx)
 
     def _regions(
-        self, features: _evidence.PointFeatures, some: Mask, lengths: Lengths, ctx: Context
+        self,
+        features: _evidence.PointFeatures,
+        some: Mask | Ints,
+        lengths: Lengths,
+        ctx: Context = QUIET,
     ) -> Shapes:
         """Polygons around roof points, at least of the smallest size of a building."""
         try:
@@ -316,9 +332,14 @@ class ClassifyBuildings:
         shapes: Shapes,
         lengths: Lengths,
         ctx: Context,
-    ) -> list[dict[str, Any]]:
-        """Attributes and outline of each building; several where only the overhang joins them."""
-        rows, narrow = [], 0
+    ) -> tuple[Rows, Rows]:
+        """Attributes and outline of each building and part of one.
+
+        There are several of a roof where only its overhang joins them.
+        """
+        rows: Rows = []
+        parts: list[list[tuple[Any, Ints]]] = []
+        narrow = 0
         sure = confidences(shapes, features, planes)
         for done, shape in enumerate(shapes):
             ctx.progress(done / len(shapes))
@@ -326,46 +347,90 @@ class ClassifyBuildings:
             roof, straight = self._drawn(shape, len(inside) / shape.area, lengths)
             walls = roof.buffer(-self.overhang, join_style="mitre")
             narrow += walls.is_empty
-            rows += [
-                {"id": name_of(drawn), "area": drawn.area, "perimeter": drawn.length}
-                | {"points": len(inside)}
-                | heights(features, inside, shape, lengths)
-                | {"confidence": sure[done], "squared": straight, "geometry": drawn}
-                for drawn in shapely.get_parts(roof if walls.is_empty else walls)
-            ]
+            of_roof = heights(features, inside, shape, lengths)
+            for drawn in shapely.get_parts(roof if walls.is_empty else walls):
+                row = {"id": name_of(drawn), "area": drawn.area, "perimeter": drawn.length}
+                row |= {"points": len(inside), **of_roof, "confidence": sure[done]}
+                rows.append(row | {"squared": straight, "geometry": drawn})
+                parts.append(self._parts(features, inside, drawn, lengths))
         xy = self.points.xyz[:, :2]
         at_edge = cut([row["geometry"] for row in rows], xy, lengths.spacing, self.points.metre)
-        rows = [row | {"cut": bool(there)} for row, there in zip(rows, at_edge, strict=True)]
+        for row, there, own in zip(rows, at_edge, parts, strict=True):
+            row |= {"cut": bool(there), "parts": len(own)}
         if narrow:
             log.warning("roofs narrower than twice the overhang, drawn as they are: %d", narrow)
-        return rows
+        return rows, [
+            part_row(row, features, *part, lengths)
+            for row, own in zip(rows, parts, strict=True)
+            for part in own
+        ]
 
     def _drawn(self, shape: Any, density: float, lengths: Lengths) -> tuple[Any, bool]:
         """The outline of a roof, and whether it was squared."""
         roof = shape.buffer(margin(density, lengths.alpha), join_style="mitre")
         if self.outline == "alpha":
             return roof, False
-        tolerance = max(SIMPLE * self.points.metre, SIMPLE_BY_SPACING * lengths.spacing)
-        return squared(roof, tolerance, lengths.alpha)
+        return squared(roof, self._tolerance(lengths), lengths.alpha)
+
+    def _tolerance(self, lengths: Lengths) -> float:
+        """How far squared walls may be from the outline of the points, in their unit."""
+        return max(SIMPLE * self.points.metre, SIMPLE_BY_SPACING * lengths.spacing)
+
+    def _parts(
+        self, features: _evidence.PointFeatures, inside: Ints, outline: Any, lengths: Lengths
+    ) -> list[tuple[Any, Ints]]:
+        """Parts of a building by height: their outlines, and the points of the roof of each."""
+        metre = self.points.metre
+        roof = Roof(features.xyz[inside] / metre, features.planes[1][inside])
+        inside = inside[roof.no_walls]
+        level = levels(roof.without_walls(), lengths.spacing / metre)
+        if not level.any():
+            return [(outline, inside)]
+        tolerance, angle = self._tolerance(lengths), main_direction(outline)
+        height = [-features.xyz[inside[level == k], 2].mean() for k in range(level.max() + 1)]
+        drawn = [
+            squared(
+                shape.buffer(margin(len(inside) / outline.area, lengths.alpha), join_style="mitre"),
+                tolerance,
+                lengths.alpha,
+                angle,
+            )[0]
+            for k in np.argsort(height)
+            for shape in self._regions(features, inside[level == k], lengths)
+        ]
+        found = tiles(
+            outline,
+            features.xyz[inside],
+            level,
+            drawn,
+            tolerance=tolerance,
+            width=lengths.alpha,
+            metre=metre,
+        )
+        return [(part.shape, inside[part.own]) for part in found]
 
     def _packed(
-        self, found: Mask, part: Mask, rows: list[dict[str, Any]]
+        self, found: Mask, part: Mask, rows: Rows, parts: Rows
     ) -> ClassifyBuildings.Outputs:
-        import geopandas
-
         cloud = self.points
-        frame = geopandas.GeoDataFrame(
-            rows, columns=[*COLUMNS, "geometry"], geometry="geometry", crs=cloud.crs
-        )
         old = cloud["classification"]
         free = part & ~np.isin(old, self.keep_classes or ())
         classes = np.where(free & (old == BUILDING), OTHER, old)
         classes = np.where(free & found, BUILDING, classes).astype(np.uint8)
         return self.Outputs(
             classified=cloud.with_attributes({"classification": classes}),
-            outlines=Vector(frame, geometry_type="Polygon"),
+            outlines=self._layer(rows, columns.BUILDINGS),
+            parts=self._layer(parts, columns.PARTS),
             building_share=Share.of_points(free & found, cloud.core),
         )
+
+    def _layer(self, rows: Rows, names: Iterable[str]) -> Vector:
+        import geopandas
+
+        frame = geopandas.GeoDataFrame(
+            rows, columns=[*names, "geometry"], geometry="geometry", crs=self.points.crs
+        )
+        return Vector(frame, geometry_type="Polygon")
 
 
 def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIET) -> Mask:
@@ -519,6 +584,31 @@ def heights(
         "form": form(section.roof, shape),
         "sections": section.parts,
     }
+
+
+def part_row(
+    row: dict[str, Any],
+    features: _evidence.PointFeatures,
+    shape: Any,
+    inside: Ints,
+    lengths: Lengths,
+) -> dict[str, Any]:
+    """Attributes and outline of a part of a building, the ground of which is that of the whole.
+
+    Parameters
+    ----------
+    row : attributes of the building
+    shape : outline of the part
+    inside : its points on planes that are no walls
+    """
+    found = heights(features, inside, shape, lengths) if row["parts"] > 1 else dict(row)
+    made = {"id": name_of(shape), "building": row["id"], "area": shape.area, "points": len(inside)}
+    height = found["ridge"] - row["ground"]
+    return (
+        found
+        | made
+        | {"ground": row["ground"], "height": height, "cut": row["cut"], "geometry": shape}
+    )
 
 
 def confidences(shapes: Shapes, features: _evidence.PointFeatures, planes: Mask) -> Floats:

@@ -77,7 +77,10 @@ class SurfaceLandCover:
         def in_words(self) -> str:
             """The shares of the classes."""
             rows = sorted(self.areas.rows(), key=lambda row: -row["share"])
-            parts = [f"{row['name'].lower()} {100 * row['share']:.1f} %" for row in rows]
+            parts = [
+                f"{row['name'].lower()} {row['area_m2']:.0f} m² ({100 * row['share']:.1f} %)"
+                for row in rows
+            ]
             return f"Of the area, as seen from above: {', '.join(parts)}."
 
     def check_data(self) -> Iterator[tuple[str, str]]:

@@ -1,14 +1,19 @@
-"""Outlines of buildings as blocks in a city model: CityJSON, level of detail 1.2.
+"""Outlines of buildings as blocks in a city model: CityJSON, level of detail 1.2 or 1.3.
 
 Each polygon is raised from the ground to the mean height of its roof: attributes `ground` and
 `mean`, or else `eave`, `ridge`, or `height` above the ground. Corners are rounded to thousandths of
 the unit.
 
+Polygons with the attribute `building` are parts of the building of that name: level of detail 1.3.
+A building of several has no block of its own, but one for each of its parts, and the attributes in
+which these agree.
+
 References
 ----------
 OGC 20-072r5 (2023). CityJSON Community Standard 2.0.
 Biljecki, F., Ledoux, H. and Stoter, J. (2016). An improved LOD specification for 3D building
-models. Computers, Environment and Urban Systems 59, 25-37: LoD1.2, blocks with one height.
+models. Computers, Environment and Urban Systems 59, 25-37: LoD1.2, blocks with one height; LoD1.3,
+blocks of different heights in one building.
 """
 
 from __future__ import annotations
@@ -33,6 +38,7 @@ if TYPE_CHECKING:
 SUFFIX = ".city.json"
 GROUND, TOPS, HEIGHT = "ground", ("mean", "eave", "ridge"), "height"
 ID, RIDGE, FORM = "id", "ridge", "form"
+WHOLE = "building"  # of which a polygon is a part
 _SCALE = 0.001
 _APART = 0.01  # in the unit of the data: between a hole and the ring that it touches
 _SURFACES = ({"type": "GroundSurface"}, {"type": "RoofSurface"}, {"type": "WallSurface"})
@@ -55,11 +61,11 @@ def write(
     """
     places = _Places(frame)
     metre = 1.0 if frame.crs is None else 1 / metres_per_height(frame.crs)
+    lod = "1.3" if WHOLE in frame else "1.2"
     objects: dict[str, Any] = {}
-    keys = _keys(frame)
     names = [str(name) for name in frame.columns if name != frame.geometry.name]
     rows = frame[names].to_dict("records")
-    for key, shape, values in zip(keys, frame.geometry, rows, strict=True):
+    for key, shape, values in zip(_keys(frame), frame.geometry, rows, strict=True):
         low, high = heights_of(values, path)
         made = (places.solid(part, low, high) for part in _polygons(shape, path))
         solids = [solid for solid in made if solid]
@@ -67,8 +73,10 @@ def write(
             objects[key] = {
                 "type": "Building",
                 "attributes": _attributes(values, metre),
-                "geometry": [_geometry(solids)],
+                "geometry": [_geometry(solids, lod)],
             }
+    if WHOLE in frame:
+        objects = _with_parents(objects)
     model: dict[str, Any] = {"type": "CityJSON", "version": "2.0"}
     model["transform"] = {"scale": [_SCALE] * 3, "translate": places.origin.tolist()}
     model["metadata"] = _metadata(frame.crs, places, head)
@@ -77,10 +85,33 @@ def write(
 
 
 def _keys(frame: geopandas.GeoDataFrame) -> list[str]:
-    """What the buildings are called: by their own ids if these tell them apart, else by number."""
+    """What the blocks are called: by their own ids if these tell them apart, else by number."""
+    kind = "part" if WHOLE in frame else "building"
     if ID in frame and frame[ID].notna().all() and frame[ID].astype(str).is_unique:
-        return [f"building-{name}" for name in frame[ID]]
-    return [f"building-{number}" for number in range(1, len(frame) + 1)]
+        return [f"{kind}-{name}" for name in frame[ID]]
+    return [f"{kind}-{number}" for number in range(1, len(frame) + 1)]
+
+
+def _with_parents(blocks: Mapping[str, Any]) -> dict[str, Any]:
+    """Buildings before the blocks that are parts of them; one with a single block is that block."""
+    of_whole: dict[str, list[str]] = {}
+    for key, block in blocks.items():
+        of_whole.setdefault(str(block["attributes"][WHOLE]), []).append(key)
+    objects: dict[str, Any] = {}
+    for name, keys in of_whole.items():
+        whole = f"building-{name}"
+        if len(keys) == 1:
+            objects[whole] = blocks[keys[0]]
+            continue
+        said = [blocks[key]["attributes"] for key in keys]
+        shared = {k: v for k, v in said[0].items() if all(k in one and one[k] == v for one in said)}
+        heights = [one["measuredHeight"] for one in said if "measuredHeight" in one]
+        if heights:
+            shared["measuredHeight"] = max(heights)
+        objects[whole] = {"type": "Building", "attributes": shared, "children": keys}
+        for key in keys:
+            objects[key] = {**blocks[key], "type": "BuildingPart", "parents": [whole]}
+    return objects
 
 
 def heights_of(values: Mapping[str, Any], path: Path) -> tuple[float, float]:
@@ -126,16 +157,16 @@ def _polygons(shape: Any, path: Path) -> list[Any]:
     return parts
 
 
-def _geometry(solids: list[tuple[list[Any], list[int]]]) -> dict[str, Any]:
+def _geometry(solids: list[tuple[list[Any], list[int]]], lod: str) -> dict[str, Any]:
     """One solid, or several of one building."""
     semantics = {"surfaces": list(_SURFACES)}
     if len(solids) == 1:
         ((shell, values),) = solids
         whole = {"type": "Solid", "boundaries": [shell]}
-        return {**whole, "lod": "1.2", "semantics": {**semantics, "values": [values]}}
+        return {**whole, "lod": lod, "semantics": {**semantics, "values": [values]}}
     return {
         "type": "MultiSolid",
-        "lod": "1.2",
+        "lod": lod,
         "boundaries": [[shell] for shell, _ in solids],
         "semantics": {**semantics, "values": [[values] for _, values in solids]},
     }

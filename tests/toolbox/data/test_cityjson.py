@@ -37,7 +37,7 @@ def saved(layer: Vector, tmp_path: Path) -> dict[str, Any]:
 def shells(model: dict[str, Any]) -> list[list[Any]]:
     found = []
     for building in model["CityObjects"].values():
-        for geometry in building["geometry"]:
+        for geometry in building.get("geometry", []):
             solids = geometry["boundaries"]
             found += [
                 solid[0] for solid in (solids if geometry["type"] == "MultiSolid" else [solids])
@@ -139,13 +139,30 @@ def problems(model: dict[str, Any]) -> list[str]:
             found.append("an edge twice in one direction")
         if any((b, a) not in edges for a, b in edges):
             found.append("a shell that is not closed")
+        elif not all(_is_one_fan(shell, vertex) for vertex in {v for edge in edges for v in edge}):
+            found.append("surfaces that meet at a vertex only")
     return found
+
+
+def _is_one_fan(shell: list[Any], vertex: int) -> bool:
+    """Whether the surfaces around a vertex follow each other in one circle, as in a manifold."""
+    after = {}
+    for surface in shell:
+        for ring in surface:
+            for k in (k for k, other in enumerate(ring) if other == vertex):
+                after[ring[k - 1]] = ring[(k + 1) % len(ring)]
+    first = at = next(iter(after))
+    for count in range(1, len(after) + 1):
+        at = after[at]
+        if at == first:
+            return count == len(after)
+    return False
 
 
 def _of_kinds(model: dict[str, Any]) -> list[str]:
     found = []
     for building in model["CityObjects"].values():
-        for geometry in building["geometry"]:
+        for geometry in building.get("geometry", []):
             solids = geometry["boundaries"]
             kinds = geometry["semantics"]["values"]
             if geometry["type"] == "Solid":
@@ -174,6 +191,11 @@ def test_a_town_is_a_valid_model(tmp_path: Path) -> None:
     broken = json.loads(json.dumps(model))
     broken["vertices"][0][2] += 500
     assert "a surface that is not plane" in problems(broken)
+    tetrahedra = [
+        [[[0, a, b]], [[0, b, c]], [[0, c, a]], [[a, c, b]]] for a, b, c in ((1, 2, 3), (4, 5, 6))
+    ]
+    assert _is_one_fan(tetrahedra[0], 0)
+    assert not _is_one_fan(tetrahedra[0] + tetrahedra[1], 0)
 
 
 @pytest.mark.parametrize(
@@ -221,3 +243,30 @@ def test_buildings_are_called_as_in_other_files(tmp_path: Path) -> None:
 def test_buildings_without_ids_of_their_own_have_numbers(tmp_path: Path) -> None:
     frame = town(LONE, YARD).frame.assign(id=["a", "a"])
     assert list(saved(Vector(frame), tmp_path)["CityObjects"]) == ["building-1", "building-2"]
+
+
+def test_parts_are_those_of_their_building(tmp_path: Path) -> None:
+    """A tower beside its wing, and a lone house: LoD1.3."""
+    wing, tower = shapely.box(0, 0, 20, 8), shapely.box(20, -4, 30, 12)
+    frame = town(wing, tower, LONE, ridge=9.0, form="flat").frame
+    frame["id"], frame["building"] = ["w", "t", "l"], ["12_4", "12_4", "l"]
+    frame.loc[1, ["mean", "ridge"]] = 31.0, 32.0
+    model = saved(Vector(frame), tmp_path)
+    assert problems(model) == []
+    objects = model["CityObjects"]
+    assert list(objects) == ["building-12_4", "part-w", "part-t", "building-l"]
+    whole, tall = objects["building-12_4"], objects["part-t"]
+    assert whole["type"] == "Building"
+    assert whole["children"] == ["part-w", "part-t"]
+    assert "geometry" not in whole
+    assert whole["attributes"]["measuredHeight"] == 31.0
+    assert whole["attributes"]["ground"] == 1.0
+    assert not {"id", "mean", "ridge"} & set(whole["attributes"])
+    assert (tall["type"], tall["parents"]) == ("BuildingPart", ["building-12_4"])
+    assert tall["geometry"][0]["lod"] == "1.3"
+    assert (objects["building-l"]["type"], "parents" in objects["building-l"]) == (
+        "Building",
+        False,
+    )
+    volumes = [volume(model, shell) for shell in shells(model)]
+    assert volumes == pytest.approx([160 * 6.5, 160 * 30, 80 * 6.5])

@@ -45,7 +45,7 @@ from algorithms.shared.ground import among, taking_part
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from algorithms.shared.neighbours import PointTree
-from algorithms.shared.parameters import STRUCTURES
+from algorithms.shared.parameters import NAMED_STRUCTURES
 from algorithms.shared.polygons import Polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
@@ -234,7 +234,7 @@ class ClassifyBuildings:
     def run(self, ctx: Context = QUIET) -> ClassifyBuildings.Outputs:
         """Find roof points, join them to buildings, and classify the points of these."""
         cloud, metre = self.points, self.points.metre
-        part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
+        part = taking_part(cloud, self.ignore, among(self.keep_classes, NAMED_STRUCTURES))
         if not len(cloud):
             return self._packed(part, part, [], [])
         given = self.radius, self.context, self.alpha

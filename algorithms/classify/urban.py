@@ -22,7 +22,7 @@ from algorithms.classify._heights import by_height
 from algorithms.classify._vehicles import vehicles
 from algorithms.shared import parameters
 from algorithms.shared.ground import among, taking_part
-from algorithms.shared.parameters import STRUCTURES, SURFACES
+from algorithms.shared.parameters import NAMED_STRUCTURES, SURFACES
 from algorithms.shared.polygons import Polygons, polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
@@ -130,7 +130,7 @@ class ClassifyUrban:
     def run(self, ctx: Context = QUIET) -> ClassifyUrban.Outputs:
         """Classify the points that are neither ground nor building."""
         cloud = self.points
-        part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
+        part = taking_part(cloud, self.ignore, among(self.keep_classes, NAMED_STRUCTURES))
         chosen = cloud if part.all() else cloud.select(part)
         classes = np.array(cloud["classification"], np.uint8)
         confidence = np.zeros(len(cloud), np.float32)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.parameters import STRUCTURES, SURFACES
+from algorithms.shared.parameters import NAMED_STRUCTURES, SURFACES
 from algorithms.shared.returns import ReturnNumbers, let_through, warn_of_missing
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud
@@ -158,7 +158,7 @@ class Candidates:
         keep: Sequence[int] | None = None,
     ) -> Candidates:
         """Choose the points that take part and may be ground; structures to keep are left out."""
-        part = taking_part(cloud, ignore, among(keep, STRUCTURES))
+        part = taking_part(cloud, ignore, among(keep, NAMED_STRUCTURES))
         return cls(cloud, part, part & may_be_ground(cloud, returns), keep or ())
 
     @functools.cached_property

@@ -20,6 +20,9 @@ SURFACES = ClassList([9, 10, 11])
 STRUCTURES = ClassList([*range(13, 18), 19])
 """Classes of what stands on the ground or spans it: wires, towers, bridges, other structures."""
 
+NAMED_STRUCTURES = ClassList([*STRUCTURES, 26])
+"""The same where they are named: 26 is reserved, and a bridge, lock or quay in the Dutch AHN."""
+
 WIRE_GAP = 60.0
 """Longest piece of a wire that may be missing, metres."""
 
@@ -39,7 +42,8 @@ def ignore() -> Any:
 def keep_classes() -> Any:
     """Declare the classes that a classifier leaves as they are: ``ClassList | None``."""
     return param(
-        "Classes that points keep unless they are ground; water, rail, road (9-11) even then",
+        "Classes that stay: structures (13-17, 19, 26) and 9-11 in any case, "
+        "others unless they are ground",
         default=ClassList([*SURFACES, *STRUCTURES]),
         label="Classes that stay",
     )

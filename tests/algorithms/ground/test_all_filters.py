@@ -165,6 +165,17 @@ def test_other_classes_may_be_kept_but_not_ground(tool: Any) -> None:
     np.testing.assert_array_equal(classes(kept), expected)
 
 
+@pytest.mark.parametrize("number", [17, 26])
+def test_a_structure_that_stays_does_so_on_the_ground(tool: Any, number: int) -> None:
+    """A deck or quay at the level of the ground beside it, in Dutch surveys of class 26."""
+    xyz = plane()
+    deck = inside(xyz, (70, 76, 70, 76))
+    kept = tool(
+        points=cloud(xyz, np.where(deck, number, 1)), keep_classes=ClassList([number])
+    ).run()
+    np.testing.assert_array_equal(classes(kept), np.where(deck, number, 2))
+
+
 def test_only_last_returns_can_be_ground(tool: Any) -> None:
     """Unless all may be, or their numbers are zero."""
     xyz = plane()

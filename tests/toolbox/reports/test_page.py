@@ -274,6 +274,13 @@ def test_the_finding_stands_before_what_was_processed() -> None:
     assert summary == "Openings: 4. 9 planes. Prepared."
 
 
+def test_what_a_later_step_decides_anew_is_not_said() -> None:
+    """The share of ground before water was found stood beside that after it."""
+    told = Told(words=[("clean", "Noise."), ("ground", "42 % ground."), ("rest", "41 % ground.")])
+    summary, _ = said(catalog.load("models.urban_classes"), {}, None, told)
+    assert summary == "41 % ground. Noise."
+
+
 def test_maps_stand_before_counts_of_points_and_numbers() -> None:
     xyz = np.random.default_rng(1).uniform(0, 20, (200, 3))
     points = PointCloud(

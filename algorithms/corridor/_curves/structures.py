@@ -221,15 +221,18 @@ class Crossed:
         return cls(curves, np.array(lines).reshape(-1, 5))
 
     def crossings(self, one: Catenary) -> list[float]:
-        """Where along a curve these cross it at its height, metres."""
+        """Where along a curve these cross it at its height and go on, metres.
+
+        Wires that end at an arm cross it, and are not tied to it.
+        """
         x, y, ex, ey, length = self.lines.T
         turn = one.ex * ey - one.ey * ex
         across = np.abs(turn) >= SETTINGS.structures.sin_mesh
         turn = np.where(across, turn, 1.0)
         dx, dy = x - one.ends[0, 0], y - one.ends[0, 1]
         u, w = (dx * ey - dy * ex) / turn, (dx * one.ey - dy * one.ex) / turn
-        near = SETTINGS.structures.body_gap
-        across &= (u > -near) & (u < one.length + near) & (w > -near) & (w < length + near)
+        near, clear = SETTINGS.structures.body_gap, SETTINGS.curves.clutter_radius
+        across &= (u > -near) & (u < one.length + near) & (w > clear) & (w < length - clear)
         return [
             float(u[k])
             for k in np.flatnonzero(across).tolist()

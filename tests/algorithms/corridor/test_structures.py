@@ -10,7 +10,7 @@ from scenes.corridors import Floats, wire
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor, Piece
-from algorithms.corridor._curves.structures import holds_level
+from algorithms.corridor._curves.structures import holds_level, in_mesh
 from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._extraction import follow as following
 from algorithms.corridor._extraction.follow import (
@@ -40,6 +40,15 @@ def test_rows_of_a_mesh_tell_of_those_beside_them() -> None:
     lines = [Line([Wire(curve, (-1, -1), (0.0, 40.0), 0.25)], []) for curve, _ in made[1:]]
     assert without_structures(corridor, lines) == lines[-1:]
     assert [curve.y for curve in corridor.left_out] == [0.0, 10.0, 20.0]
+
+
+@pytest.mark.parametrize("place", [0.5, 20.0])
+def test_an_arm_that_wires_end_at_is_no_row_of_a_mesh(place: float) -> None:
+    """At the last tower of a line its arms were followed, and all its wires were left out."""
+    rows = [wire((0, y, 6), (40, y, 6), 4000)[0] for y in range(0, 24, 4)]
+    arms = [wire((x, -2, 6), (x, 22, 6), 5000)[0] for x in (place, place + 1.0)]
+    tied = in_mesh([*arms, *rows], [])
+    assert tied == [place == 20.0] * (len(arms) + len(rows))
 
 
 def test_points_of_contact_lines_are_no_wires_above_each_other(

@@ -49,7 +49,16 @@ NO_TEXT = re.compile(  # tags, SQL, code, names, paths, styles
 ON_PAGES = re.compile(r'(?<=")[^"{]+(?:\{\w+\}[^"{]*)*(?=" \| said)|(?<=word\(")[^"]+(?="\))')
 PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
 # Heads, of one word most of them.
-HEADS = ["Coordinates", "Made with", "Map", "Files", "Drawings", "Left out", "Checksums"]
+HEADS = [
+    "Coordinates",
+    "Given by hand",
+    "Made with",
+    "Map",
+    "Files",
+    "Drawings",
+    "Left out",
+    "Checksums",
+]
 HEADS += ["Shows", "Source", "Crossed", "Broken", "Scale", "door?"]  # in title blocks
 HEADS += ["Wall", "Window", "Door", "elevation of fronts"]
 HEADS += ["Easting", "Northing", "East", "North", "Up", "Class", "Intensity"]  # at maps and views

@@ -36,6 +36,8 @@ def facts_of(
     """What the head of a report says of a run, as pairs of name and text."""
     layers = layers_of(given, found)
     facts = [("Date of the survey", survey_date(layers)), *_places(layers)]
+    if record and record.assume_crs:
+        facts += [("Given by hand", "the CRS, for inputs that state none")]
     facts += [("Input", text) for text in _inputs(record)]
     facts += [("Settings", text) for text in [chosen_settings(spec, record, layers)] if text]
     facts += [("Made with", f"lidar-toolbox {__version__}, {spec.id}")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from toolbox.data.reading import Reading
 from toolbox.data.report import Column
 from toolbox.declare.kinds import parsed_options
 from toolbox.reports import words
-from toolbox.reports.facts import chosen_settings
+from toolbox.reports.facts import chosen_settings, facts_of
 from toolbox.reports.page import page
 from toolbox.runs.lineage import record_of
 
@@ -63,6 +64,13 @@ def test_the_head_tells_project_survey_and_reference_system(tmp_path: Path) -> N
     text = (tmp_path / "a.html").read_text()
     assert "<h1>Terrain of the city</h1>" in text
     assert replay(tmp_path / "a.html") == []
+
+
+@pytest.mark.parametrize("assumed", ["", "EPSG:28992+5709"])
+def test_a_crs_that_was_given_by_hand_is_told(assumed: str) -> None:
+    spec = catalog.load("surface.grid")
+    record = replace(record_of(spec, {}, {}, Reading()), assume_crs=assumed)
+    assert ("Given by hand" in dict(facts_of(spec, {}, record, {}))) == bool(assumed)
 
 
 def test_rules_are_not_told_where_one_distance_stands_in_their_place() -> None:

@@ -9,7 +9,7 @@ level, with the water surface at or just below the immediately surrounding terra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -141,8 +141,8 @@ class SurfaceFlattenWater:
                 f"must be given, as {self.water.name or 'the water'} has no attribute level, and "
                 "no heights",
             )
-        if self.known and len(self.known) and not _tells_heights(self.known):
-            yield "known", f"{self.known.name or 'it'} has no attribute level, and no heights"
+        if self.known and (text := _unfit(self.known, Lattice.of(self.terrain).cell ** 2)):
+            yield "known", f"{text} in {self.known.name or 'the layer'}"
 
     def halo(self) -> float:
         """Infinite, as ground may be joined to the shore along any way."""
@@ -155,8 +155,13 @@ class SurfaceFlattenWater:
         lattice = Lattice.of(self.terrain)
         east, north = lattice.centres()
         reach = math.ceil(self.shore / lattice.cell)
-        bodies = [(surface, *cells_within(shape, lattice)) for shape, surface in self._bodies()]
+        found = [(surface, *cells_within(shape, lattice)) for shape, surface in self._bodies()]
+        known = [
+            (surface, *cells_within(shape, lattice)) for shape, surface in self._known_bodies()
+        ]
+        bodies = found + known
         there = [body for body in bodies if len(body[1])]
+        self._tell_deep(known)
         wet = np.zeros(heights.shape, bool)
         for _, rows, cols in there:
             wet[rows, cols] = True
@@ -221,6 +226,26 @@ class SurfaceFlattenWater:
                 north[row],
             )
 
+    def _tell_deep(self, bodies: Sequence[tuple[Surface, Any, Any]]) -> None:
+        """Log where water is far below the ground that was there: its level may be wrong."""
+        unit, metres = unit_of_heights(self.terrain.crs) or ("m", 1.0)
+        east, north = Lattice.of(self.terrain).centres()
+        heights, deep = self.terrain.band(), [0.0]
+        for surface, rows, cols in bodies:
+            below = heights[rows, cols] - surface(east[cols], north[rows])
+            if np.isfinite(below).any() and np.nanmedian(below) * metres > NO_SHORE:
+                deep.append(float(np.nanmedian(below)))
+        if len(deep) > 1:
+            log.warning(
+                "%d known waters lie more than %g m below the ground that was there, half of "
+                "their cells by up to %.2f %s: between high banks it is so; else their level is in "
+                "another unit or height system",
+                len(deep) - 1,
+                NO_SHORE,
+                max(deep),
+                unit,
+            )
+
     def _with_water(self, terrain: NDArray[np.float32], laid: Mask) -> Raster:
         """The surface, nowhere below the water and the shore that was raised to it."""
         assert self.surface is not None
@@ -235,38 +260,96 @@ class SurfaceFlattenWater:
         )
 
     @cached_property
+    def _found(self) -> Vector:
+        """The water that was found, without what is known of it or to be another one."""
+        if not self.known or not len(self.water):
+            return self.water
+        found = self.water.frame
+        every = shapely.union_all(shapely.force_2d(self.known.frame.geometry.to_numpy()))
+        shapes = found.geometry.to_numpy()
+        shared = shapely.area(shapely.intersection(shapes, every))
+        gone = shared > COVERED * shapely.area(shapes)
+        if np.any(gone):
+            log.warning(
+                "%d of %d found waters give way to known ones", np.count_nonzero(gone), len(found)
+            )
+        if np.any(cut := ~gone & (shared > Lattice.of(self.terrain).cell ** 2)):
+            log.warning(
+                "known water is cut out of %d found waters, whose attributes are of all of them",
+                np.count_nonzero(cut),
+            )
+        rest = found.set_geometry(np.where(cut, shapely.difference(shapes, every), shapes))
+        return Vector(rest[~gone], name=self.water.name, geometry_type="Polygon Z")
+
+    @cached_property
     def _laid(self) -> Vector:
-        """The water that was found, but for what is known to be another one, and the known one."""
+        """The water that is laid: what was found, and what is known."""
         if not self.known:
             return self.water
-        found, known = self.water.frame, self.known.frame
-        every = shapely.union_all(shapely.force_2d(known.geometry.to_numpy()))
-        shapes = shapely.force_2d(found.geometry.to_numpy())
-        covered = shapely.area(shapely.intersection(shapes, every)) > COVERED * shapely.area(shapes)
-        if gone := np.count_nonzero(covered):
-            log.warning("%d of %d found waters give way to known ones", gone, len(found))
-        rest = Vector(found[~covered], name=self.water.name, geometry_type="Polygon Z")
-        return Vector.concat([rest, Vector(known.assign(**{EVIDENCE: "known"}))])
+        return Vector.concat([self._found, Vector(self.known.frame.assign(**{EVIDENCE: "known"}))])
 
     def _bodies(self) -> Iterator[tuple[shapely.Polygon, Surface]]:
-        """The polygons with the surface of each, in the unit of the heights."""
-        frame = self._laid.frame
-        for number in range(len(frame)):
-            row = frame.iloc[number]
-            one = Vector(frame.iloc[[number]], name=self.water.name)
-            for shape in polygons(one, "water"):
-                yield shape, self._surface_of(row, shape)
+        """The polygons that were found, with the surface of each, in the unit of the heights."""
+        yield from _surfaces(self._found, "water", self.level)
 
-    def _surface_of(self, row: Any, shape: shapely.Polygon) -> Surface:
-        """The surface of a polygon by its attributes, or by the heights of its vertices."""
-        level = float(row.get(LEVEL, math.nan)) if self.level is None else self.level
-        falls = self.level is None and float(row.get(SLOPE, 0.0)) > 0
-        if math.isfinite(level) and not (falls and shape.has_z):
-            return lambda x, y: np.full(np.broadcast(x, y).shape, level)
-        corners = shapely.get_coordinates(shape, include_z=True)
-        if not np.isfinite(corners).all():
-            raise DataError("surface.flatten_water", {"water": "a polygon has no level"})
-        return between(corners)
+    def _known_bodies(self) -> Iterator[tuple[shapely.Polygon, Surface]]:
+        """Those that are known, which are laid as they are."""
+        if self.known:
+            yield from _surfaces(self.known, "known", None)
+
+
+def _surfaces(
+    layer: Vector, name: str, level: float | None
+) -> Iterator[tuple[shapely.Polygon, Surface]]:
+    """The polygons of a layer, with the surface of each."""
+    for number in range(len(layer)):
+        row = layer.frame.iloc[number]
+        for shape in polygons(Vector(layer.frame.iloc[[number]], name=layer.name), name):
+            yield shape, _surface_of(row, shape, level, name)
+
+
+def _surface_of(row: Any, shape: shapely.Polygon, level: float | None, name: str) -> Surface:
+    """The surface of a polygon by its attributes, or by the heights of its vertices.
+
+    Parameters
+    ----------
+    level : of all water, in place of these
+    """
+    own = _number(row.get(LEVEL)) if level is None else level
+    falls = level is None and _number(row.get(SLOPE)) > 0
+    if math.isfinite(own) and not (falls and shape.has_z):
+        return lambda x, y: np.full(np.broadcast(x, y).shape, own)
+    corners = shapely.get_coordinates(shape, include_z=True)
+    if not np.isfinite(corners).all():
+        raise DataError("surface.flatten_water", {name: "a polygon has no level"})
+    return between(corners)
+
+
+def _number(value: Any) -> float:
+    """A number, or NaN for what is none."""
+    return float(value) if isinstance(value, int | float | np.number) else math.nan
+
+
+def _unfit(known: Vector, least: float) -> str:
+    """Why polygons cannot be laid as water, with the row from 1; "" if they can.
+
+    Parameters
+    ----------
+    least : area by which two may overlap, as where one was drawn beside the other
+    """
+    shapes = known.frame.geometry.to_numpy()
+    levels = known.frame[LEVEL] if LEVEL in known.names else [None] * len(shapes)
+    for row, (shape, level) in enumerate(zip(shapes, levels, strict=True), 1):
+        if not shapely.is_valid(shape):
+            return f"row {row} is no valid polygon ({shapely.is_valid_reason(shape)})"
+        tops = shapely.get_coordinates(shape, include_z=True)[:, 2]
+        if not (math.isfinite(_number(level)) or np.isfinite(tops).all()):
+            return f"row {row} has no number in the attribute level, and no heights"
+    pairs = shapely.STRtree(shapes).query(shapes, predicate="intersects").T
+    for one, other in pairs[pairs[:, 0] < pairs[:, 1]].tolist():
+        if shapely.area(shapely.intersection(shapes[one], shapes[other])) > least:
+            return f"rows {one + 1} and {other + 1} overlap, and one place has one level"
+    return ""
 
 
 def _tells_heights(water: Vector) -> bool:

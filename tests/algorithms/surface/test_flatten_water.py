@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import geopandas
 import numpy as np
@@ -207,7 +208,7 @@ def bank(west: float, east: float, heights: tuple[float, float]) -> shapely.Poly
     return shapely.Polygon(np.column_stack([ring, z]))
 
 
-def layer(*shapes: shapely.Polygon, **attributes: list[float]) -> Vector:
+def layer(*shapes: shapely.Polygon, **attributes: list[Any]) -> Vector:
     return Vector(geopandas.GeoDataFrame(attributes, geometry=list(shapes), crs=UTM))
 
 
@@ -223,7 +224,8 @@ def test_known_water_is_laid_beside_what_was_found(caplog: pytest.LogCaptureFixt
     assert (np.diff(z) <= 0).all(), "a river does not rise on its way"
     assert made.bodies == 3
     assert made.laid.frame["evidence"].tolist()[1:] == ["known", "known"]
-    assert not caplog.text
+    assert len(caplog.records) == 1
+    assert "2 known waters lie more than 1 m below the ground that was there" in caplog.text
     level = SurfaceFlattenWater(terrain=ground, water=found, known=layer(pool, level=[6.5])).run()
     assert (level.flattened.band()[9, 12:] == 6.5).all(), "an attribute, not heights left from it"
 
@@ -235,9 +237,30 @@ def test_known_water_takes_the_place_of_what_it_covers(caplog: pytest.LogCapture
     made = SurfaceFlattenWater(terrain=ground, water=found, known=known).run()
     assert "1 of 2 found waters give way to known ones" in caplog.text
     np.testing.assert_array_equal(made.flattened.band()[9], [*[8] * 10, *[9] * 10])
-    flat = layer(shapely.force_2d(bank(0, 10, (8, 8))))
-    with pytest.raises((DataError, ParameterError), match=r"known: .* has no attribute level"):
-        SurfaceFlattenWater(terrain=ground, water=found, known=flat).run()
+    assert made.laid.frame.geometry.area.tolist() == [40, 40], "what is left of the other one"
+    low = SurfaceFlattenWater(terrain=ground, water=found, known=known, level=6.0).run()
+    np.testing.assert_array_equal(low.flattened.band()[9], [*[8] * 10, *[6] * 10])
+
+
+BOW = shapely.Polygon(
+    [(WEST, NORTH - 8), (WEST + 9, NORTH - 2), (WEST + 9, NORTH - 8), (WEST, NORTH)]
+)
+
+
+@pytest.mark.parametrize(
+    ("known", "says"),
+    [
+        (layer(shapely.force_2d(bank(0, 9, (8, 8)))), "row 1 has no number in the attribute level"),
+        (layer(bank(0, 9, (8, np.nan))), "row 1 has no number in the attribute level"),
+        (layer(BOW, level=[8.0]), r"row 1 is no valid polygon \(Self-intersection"),
+        (layer(bank(0, 9, (8, 8)), bank(5, 12, (9, 9))), "rows 1 and 2 overlap"),
+        (layer(shapely.force_2d(bank(0, 9, (8, 8))), level=["8 m"]), "row 1 has no number"),
+    ],
+)
+def test_known_water_that_cannot_be_laid_is_named(known: Vector, says: str) -> None:
+    found = layer(bank(10, 20, (9, 9)), level=[9.0])
+    with pytest.raises(DataError, match=f"known: {says}"):
+        SurfaceFlattenWater(terrain=bowl(), water=found, known=known).run()
 
 
 def test_a_pool_does_not_raise_the_lower_one_beside_it() -> None:

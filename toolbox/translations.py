@@ -23,7 +23,7 @@ import polib
 from toolbox import catalog, language
 from toolbox.data import dxf
 from toolbox.data.asprs import CLASSES
-from toolbox.data.report.columns import LIMITS
+from toolbox.data.report.columns import LIMITS, guessed
 from toolbox.declare.show import Curve
 from toolbox.language import FOLDER
 
@@ -59,13 +59,14 @@ HEADS = [
     "Left out",
     "Checksums",
 ]
-HEADS += ["Shows", "Source", "Crossed", "Broken", "Scale", "door?"]  # in title blocks
+HEADS += ["Shows", "Source", "Crossed", "Broken", "Scale", "door?", "*, ca."]  # in title blocks
 HEADS += ["Wall", "Window", "Door", "elevation of fronts"]
 HEADS += ["Easting", "Northing", "East", "North", "Up", "Class", "Intensity"]  # at maps and views
 LOCAL = "local coordinates in"
 COUNTS = ["{1} points", "{1} points {2}", "listed within {1} m", "listed within {1} m ({2})"]
 COUNTS += ["{1} % are lower", "{1} water bodies"]
 COUNTS += ["{1} to {2}", "Front {1}", "Plane {1}", "Class {1}", "{1} to {2} m"]
+COUNTS += [guessed("{1}")]
 COUNTS += [f"{{1}}, {limit}" for limit in LIMITS.values()]
 COUNTS += ["place of about {1} m2 at {2},{3}"]
 COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]

@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 SIDES = ("left", "bottom", "right", "top")
 """Of an opening, in the order of the bounds of a shape."""
 
+
+def _by(*sides: str) -> dict[str, frozenset[str]]:
+    """The sides that make a size of an opening a guess, where they are unsure or were not seen."""
+    return {name: frozenset(sides) for name in ("unsure", "hidden")}
+
+
 PLANES = {
     "plane_id": Column("Plane"),
     **{
@@ -54,10 +60,10 @@ OPENINGS = {
     "opening_id": Column("Opening"),
     "front_id": Column("Front"),
     "kind": Column("Kind"),
-    "width": Column("Width", "unit", 2),
-    "height": Column("Height", "unit", 2),
-    "area": Column("Area", "unit²", 2),
-    "sill": Column("Sill above the foot", "unit", 2),
+    "width": Column("Width", "unit", 2, circa=_by("left", "right")),
+    "height": Column("Height", "unit", 2, circa=_by("bottom", "top")),
+    "area": Column("Area", "unit²", 2, circa=_by(*SIDES)),
+    "sill": Column("Sill above the foot", "unit", 2, circa=_by("bottom")),
     "set_back": Column("Set back", "unit", 2),
     "seen": Column("Points behind"),
     "edge_seen": Column("Edge seen", "%", 0, 100.0),
@@ -105,11 +111,11 @@ SCHEDULE = {
     "front_id": OPENINGS["front_id"],
     "opening_id": OPENINGS["opening_id"],
     "kind": OPENINGS["kind"],
-    "left_mm": Column("Left side from the left end of the front", "mm", 0),
-    "level_mm": Column("Sill above the lowest point of the front", "mm", 0),
-    "width_mm": Column("Width", "mm", 0),
-    "height_mm": Column("Height", "mm", 0),
-    "sill_mm": Column("Sill above the foot of the wall below it", "mm", 0),
+    "left_mm": Column("Left side from the left end of the front", "mm", 0, circa=_by("left")),
+    "level_mm": Column("Sill above the lowest point of the front", "mm", 0, circa=_by("bottom")),
+    "width_mm": Column("Width", "mm", 0, circa=OPENINGS["width"].circa),
+    "height_mm": Column("Height", "mm", 0, circa=OPENINGS["height"].circa),
+    "sill_mm": Column("Sill above the foot of the wall below it", "mm", 0, circa=_by("bottom")),
     "edge_mm": Column("Edges ± (95 %)", "mm", 0, meaning=OPENINGS["edge_interval"].meaning),
     "unsure": OPENINGS["unsure"],
     "hidden": OPENINGS["hidden"],

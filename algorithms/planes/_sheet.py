@@ -10,7 +10,7 @@ import geopandas
 import numpy as np
 import pandas as pd
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from algorithms.planes import _columns as columns
 from algorithms.planes._labels import DIGIT, LETTER, Labels, box_of, reach, shifts
@@ -18,6 +18,7 @@ from algorithms.planes._openings import DOOR_HEIGHT, may_hide_door
 from toolbox.data import Vector
 from toolbox.data.crs import is_local, parse_crs
 from toolbox.data.plan import MARGIN, PAPERS, Pen
+from toolbox.data.report import guessed
 
 Floats = NDArray[np.float64]
 Line = tuple[str, str, str | None]  # of a title block: name, text, what of a set stands there
@@ -75,21 +76,25 @@ class Sheet:
         zero = np.array([left, bottom])
         boxes = zero[[0, 1, 0, 1]] + rounded(openings.geometry.bounds, zero, self.rounding)
         right, top = zero + rounded(np.array([right, top]), zero, self.rounding)
-        self._labels(openings, boxes, bottom, [outline.boundary, *openings.boundary])
+        vague = vague_places(openings, boxes)
+        self._labels(openings, boxes, vague, bottom, [outline.boundary, *openings.boundary])
         name = f"Front {int(wall.front_id)}"
         if np.isfinite(foot := getattr(wall, "corner_z", np.nan) + bottom * _upright(wall)):
             unit = "m" if self.shown == 1 else "mm"
             name = f"{name}, 0 = height {self._number(foot)} {unit} of the points"
         self._text("numbers", name, (left + right) / 2, top + (WALL + 0.5) * self.size)
-        self._rows_below(boxes, openings["opening_id"].to_numpy(np.int64), left, bottom, right)
-        column = levels(boxes, bottom, top)
-        chains = [column] if len(column) <= 2 else [column, column[[0, -1]]]
+        numbers = openings["opening_id"].to_numpy(np.int64)
+        self._rows_below(boxes, vague, numbers, left, bottom, right)
+        column = leftmost(boxes)
+        places = ends(boxes[column][:, [1, 3]], bottom, top)
+        chains = [places] if len(places) <= 2 else [places, places[[0, -1]]]
         x, gap = left, WALL
         for chain in chains:
-            moved = self._shifts(chain)
+            texts = self._lengths(chain, vague[column][:, [1, 3]] if len(chain) > 2 else ())
+            moved = shifts(chain, texts, self.size)
             above, below = reach(moved)
             x -= (gap + below) * self.size
-            self._chain(chain, x, moved, along=1)
+            self._chain(chain, x, texts, moved, along=1)
             gap = above + OFF
 
     def _unseen(self, part: Any, door: bool) -> None:
@@ -113,12 +118,13 @@ class Sheet:
                     self._add(name, piece)
 
     def _opening(self, one: Any) -> None:
-        """Draw an opening; unsure sides of a rectangle are broken lines."""
+        """Draw an opening; unsure sides are broken lines, and all of one that is no rectangle."""
         corners = np.array(one.geometry.exterior.coords)
-        hidden = unsure_sides(one) if len(corners) == 5 else set()
-        self.starred |= bool(unsure_sides(one))
-        if not hidden:
-            self._add("openings", shapely.LineString(corners))
+        hidden = unsure_sides(one)
+        self.starred |= bool(hidden)
+        if not hidden or len(corners) != 5:
+            layer = columns.DATA_EDGE if hidden else "openings"
+            self._add(layer, shapely.LineString(corners))
             return
         left, bottom, right, top = one.geometry.bounds
         ring = [(left, bottom), (right, bottom), (right, top), (left, top)]
@@ -130,7 +136,12 @@ class Sheet:
                 self._add(layer, piece)
 
     def _labels(
-        self, openings: geopandas.GeoDataFrame, boxes: Floats, zero: float, lines: list[Any]
+        self,
+        openings: geopandas.GeoDataFrame,
+        boxes: Floats,
+        vague: Floats,
+        zero: float,
+        lines: list[Any],
     ) -> None:
         """Write into each opening its number, and the heights of sill and head above a zero."""
         labels, size = Labels(lines), SMALL * self.size
@@ -141,40 +152,53 @@ class Sheet:
             aside = (LETTER * len(text) / 2 + 0.5) * self.size
             places = [(x, y), inner, (right + aside, y), (left - aside, y)]
             self._text("numbers", text, *labels.place(text, self.size, places))
-        for left, bottom, right, top in boxes:
+        for (left, bottom, right, top), unsure in zip(boxes, vague, strict=True):
             for level, inwards in ((bottom, size), (top, -size)):
                 value = f"{'+' if level > zero else ''}{self._number(level - zero)}"
+                value = guessed(value) if level in unsure[[1, 3]] else value
                 along = [(left * (1 - k) + right * k) for k in (0.5, 0.25, 0.75)]
                 places = [(x, level + up) for up in (inwards, -inwards) for x in along]
                 x, y = labels.place(value, size, places)
                 self._text("levels", value, x, y, size=size)
 
     def _rows_below(
-        self, boxes: Floats, numbers: NDArray[np.int64], left: float, low: float, right: float
+        self,
+        boxes: Floats,
+        vague: Floats,
+        numbers: NDArray[np.int64],
+        left: float,
+        low: float,
+        right: float,
     ) -> None:
         """Dimensions of each row of openings with their numbers, and the whole length, below."""
         gap = OFF + 0.6
         for row in [*rows_of(boxes), None]:
-            inner = np.empty((0, 2)) if row is None else boxes[row][:, [0, 2]]
+            inner, unsure = (
+                np.empty((0, 2)) if row is None else of[row][:, [0, 2]] for of in (boxes, vague)
+            )
             places = ends(inner, left, right)
-            moved = self._shifts(places)
+            texts = self._lengths(places, unsure)
+            moved = shifts(places, texts, self.size)
             above, below = reach(moved)
             low -= (gap + above) * self.size
-            self._chain(places, low, moved, along=0)
+            self._chain(places, low, texts, moved, along=0)
             if row is not None:
                 name = ", ".join(map(str, numbers[row[np.argsort(boxes[row, 0])]]))
                 self._text("dimensions", name, left - (DIGIT * len(name) / 2 + 1) * self.size, low)
             gap = below + OFF
 
-    def _shifts(self, places: Floats) -> list[float]:
-        texts = [self._number(other - one) for one, other in pairwise(places)]
-        return shifts(places, texts, self.size)
+    def _lengths(self, places: Floats, vague: ArrayLike) -> list[str]:
+        """Distances between places; "ca." before those with an end among the vague places."""
+        numbers = [self._number(other - one) for one, other in pairwise(places)]
+        ends_in = pairwise(np.isin(places, vague))
+        return [guessed(n) if any(two) else n for n, two in zip(numbers, ends_in, strict=True)]
 
-    def _chain(self, places: Floats, across: float, moved: list[float], *, along: int) -> None:
+    def _chain(
+        self, places: Floats, across: float, texts: list[str], moved: list[float], *, along: int
+    ) -> None:
         """A line of dimensions, with a stroke at each place and the distances between."""
-        for (one, other), shift in zip(pairwise(places), moved, strict=True):
+        for (one, other), text, shift in zip(pairwise(places), texts, moved, strict=True):
             line = [_at(p, across, along) for p in (one, other)]
-            text = self._number(other - one)
             self._add(
                 "dimensions",
                 shapely.LineString(line),
@@ -337,18 +361,33 @@ def ends(pairs: Floats, first: float, last: float) -> Floats:
     return np.unique(np.append(pairs, [first, last]))
 
 
-def levels(boxes: Floats, bottom: float, top: float) -> Floats:
-    """Heights of sills and heads of the openings farthest to the left, with foot and top.
+def leftmost(boxes: Floats) -> NDArray[np.bool_]:
+    """Which openings are above or below the one that ends farthest to the left.
 
     Parameters
     ----------
     boxes : array of shape (n, 4), bounds of the openings
+
+    Examples
+    --------
+    >>> leftmost(np.array([[0, 0, 1, 2], [2, 1, 3, 2], [0.5, 3, 2, 4.0]])).tolist()
+    [True, False, True]
     """
     if not len(boxes):
-        return np.array([bottom, top])
+        return np.zeros(0, bool)
     first = boxes[np.argmin(boxes[:, 2])]
-    column = boxes[(boxes[:, 0] < first[2]) & (boxes[:, 2] > first[0])]
-    return ends(column[:, [1, 3]], bottom, top)
+    return np.asarray((boxes[:, 0] < first[2]) & (boxes[:, 2] > first[0]))
+
+
+def vague_places(openings: geopandas.GeoDataFrame, boxes: Floats) -> Floats:
+    """The bounds of openings at sides that are unsure or were not seen; NaN at the others.
+
+    Parameters
+    ----------
+    boxes : array of shape (n, 4), bounds of the openings as they are drawn
+    """
+    sides = [[side in unsure_sides(one) for side in columns.SIDES] for one in openings.itertuples()]
+    return np.where(np.reshape(np.array(sides, bool), (-1, 4)), boxes, np.nan)
 
 
 def rounded(places: Any, zero: Floats, step: float) -> Floats:

@@ -52,8 +52,9 @@ class PlanesDrawing:
     metres or millimetres as asked. Parts of a front without points of its wall are crossed out on a
     layer of their own, `unseen`; `door?` stands in those that are as large as a door and as low. A
     star at the number of an opening tells that some of its sides are unsure, or were not seen and
-    may be elsewhere: they are broken lines on the layer `data_edge`, as is the outline along a part
-    that was not seen, where it is no edge of the wall, but of the data.
+    may be elsewhere: they are broken lines on the layer `data_edge` (all sides of what is no
+    rectangle), and dimensions to them and their levels say "ca.". Broken is the outline along a
+    part that was not seen, too, where it is no edge of the wall, but of the data.
 
     Below each front stand, row by row, the widths of the openings and the piers between them, with
     the numbers of the openings at its left, and its whole length; to the left sills and heads of
@@ -103,7 +104,9 @@ class PlanesDrawing:
         )
         plan: Drawing = sink("The drawing on a sheet; as a file it is to scale", label="Drawing")
         schedule: Table = sink(
-            "Openings with front, kind, width, height and sill", columns=columns.SCHEDULE
+            "Openings with the places and sizes of the drawing, which are rounded there",
+            columns=columns.SCHEDULE,
+            label="Schedule of openings",
         )
         areas: Table = sink(
             "Areas of each front, which add up", columns=columns.AREAS, label="Areas of fronts"
@@ -185,14 +188,13 @@ class PlanesDrawing:
         half = columns.usual_interval(_openings(self.elevation.frame))
         if math.isfinite(half):
             shown = f"{half / sheet.metre * sheet.shown:.{0 if unit == 'mm' else 2}f} {unit}"
-            star = "; * see the schedule" if sheet.starred else ""
-            said.append(("Accuracy", f"edges of openings ± {shown} (95 %, the median){star}"))
+            said.append(("Accuracy", f"edges of openings ± {shown} (95 %, the median)"))
         if columns.UNSEEN in there:
             said.append(("Crossed", "no point of the wall was seen there; openings may be hidden"))
         if columns.DATA_EDGE in there:
-            said.append(("Broken", "not seen: end of the data, or a side that may be elsewhere"))
+            said.append(("Broken", "end of the data, or a side that is unsure or was not seen"))
         if sheet.starred:
-            said.append(("*", "some sides are unsure, or were not seen and may be elsewhere"))
+            said.append(("*, ca.", "some sides are unsure or were not seen: see the schedule"))
         return said
 
 

@@ -200,8 +200,8 @@ class PlanesOpenings:
             return (
                 f"Edges are known to {half} (95 %, the median of those that were seen). Sides that "
                 f"are unsure: {sides['unsure']} of {every}; that were not seen and may be "
-                f"elsewhere: {sides['hidden']}. They are named in the table, and broken lines with "
-                "a star in the drawing."
+                f"elsewhere: {sides['hidden']}. They are named in the table, where sizes up to "
+                "them say ca., and broken lines with a star in the drawing."
             )
 
     def check(self) -> Iterator[tuple[str, str]]:

@@ -384,12 +384,15 @@ def _dimension(
 ) -> Any:
     """Add a dimension whose line this is: CAD measures it, with the decimals of its text.
 
+    Words before the number, as in "ca. 1.20", stay before what is measured.
+
     Parameters
     ----------
     shift : of the middle of the text above the line, in heights of the text
     """
     (x0, y0), (x1, y1) = shapely.get_coordinates(line).tolist()
-    sign = "," if "," in text else "."
+    before, number = text[: text.rfind(" ") + 1], text[text.rfind(" ") + 1 :]
+    sign = "," if "," in number else "."
     look = {
         "dimtxt": height,
         "dimtsz": TICK * height,
@@ -399,7 +402,7 @@ def _dimension(
         "dimtoh": 0,
         "dimse1": 1,  # without lines to what is measured
         "dimse2": 1,
-        "dimdec": len(text.partition(sign)[2]),
+        "dimdec": len(number.partition(sign)[2]),
         "dimzin": 0,  # zeros at the end are kept
         "dimdsep": ord(sign),
         "dimclrd": _BY_LAYER,
@@ -418,6 +421,7 @@ def _dimension(
         p2=(x1, y1),
         angle=math.degrees(math.atan2(y1 - y0, x1 - x0)),
         location=place,
+        text=f"{before}<>",
         dimstyle=_STYLE,
         override=look,
         dxfattribs=dict(how),

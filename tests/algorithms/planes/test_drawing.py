@@ -13,13 +13,14 @@ import shapely
 from pyproj import CRS
 from scenes.fronts import elevation
 
-from algorithms.planes._columns import SIDES
+from algorithms.planes._columns import SCHEDULE, SIDES
 from algorithms.planes._labels import box_of
 from algorithms.planes._sheet import rows_of
 from algorithms.planes.drawing import PlanesDrawing
 from toolbox import language
 from toolbox.data import Vector
 from toolbox.data.plan import Plan
+from toolbox.data.report import Rows
 from toolbox.errors import DataError
 
 UTM = CRS(32635)
@@ -270,7 +271,7 @@ def test_the_title_block_says_how_sure_the_edges_are_as_the_report_does() -> Non
     for unit, says in (("m", "0.02 m"), ("mm", "21 mm")):
         out = PlanesDrawing(elevation=layer, unit=unit).run()  # type: ignore[arg-type]
         told = texts(out.drawing.frame, "title")
-        assert f"edges of openings ± {says} (95 %, the median); * see the schedule" in told
+        assert f"edges of openings ± {says} (95 %, the median)" in told
         assert texts(out.drawing.frame, "numbers")[:3] == ["1", "2*", "3"]
         assert [row["edge_mm"] for row in out.schedule.rows()] == [21, 300, 21]
         assert [row["unsure"] for row in out.schedule.rows()] == ["", "right", ""]
@@ -278,9 +279,68 @@ def test_the_title_block_says_how_sure_the_edges_are_as_the_report_does() -> Non
     assert len(broken) == 1
     frame = layer.frame.assign(left_interval=[None, 0.021, 0.021, 0.9])
     drawn = PlanesDrawing(elevation=Vector(frame)).run().drawing.frame
-    assert "edges of openings ± 0.02 m (95 %, the median); * see the schedule" in texts(
-        drawn, "title"
-    )
+    assert "edges of openings ± 0.02 m (95 %, the median)" in texts(drawn, "title")
+
+
+def vague() -> Vector:
+    """The elevation whose first window has an unsure right side, and the upper one no seen top."""
+    frame = with_intervals(elevation().frame)
+    return Vector(frame.assign(hidden=[None, "", "", "top"]), name="elevation")
+
+
+def test_dimensions_to_sides_that_are_unsure_or_not_seen_say_ca(tmp_path: Path) -> None:
+    """They read as if they were as sure as the others; and CAD goes on measuring them."""
+    import ezdxf
+
+    found = PlanesDrawing(elevation=vague(), unit="m").run()
+    frame = found.drawing.frame
+    assert texts(frame, "dimensions")[:11] == [
+        *("1.00", "1.00", "2.00", "ca. 1.50", "ca. 4.50", "1, 2"),
+        *("4.00", "1.50", "4.50", "3", "10.00"),
+    ]
+    assert texts(frame, "levels") == ["0.00", "+2.10", "+1.00", "+2.50", "+4.00", "ca. +5.00"]
+    assert "*, ca." in texts(frame, "title")
+    with language.speaking("tr"):
+        drawn = found.drawing.with_head({"title": "Ev"})
+    assert "yak. 1,50" in texts(drawn.frame, "dimensions")
+    assert "yak. +5,00" in texts(drawn.frame, "levels")
+    said = texts(drawn.frame, "title")
+    assert "*, yak." in said
+    assert not [text for text in said if "see the schedule" in text], "it stayed English"
+    for layer, says in ((found.drawing, "ca. <>"), (drawn, "yak. <>")):
+        layer.save(tmp_path / f"{says[:2]}.dxf")
+        space = ezdxf.readfile(tmp_path / f"{says[:2]}.dxf").modelspace()  # type: ignore[attr-defined]
+        made = [one for one in space.query("DIMENSION") if one.dxf.text == says]
+        assert [round(one.get_measurement(), 2) for one in made] == [1.5, 4.5]
+        (shown,) = (p.text for p in made[0].virtual_entities() if p.dxftype() == "MTEXT")
+        assert shown in ("ca. 1.50", "yak. 1,50")
+
+
+def test_levels_of_the_openings_farthest_to_the_left_are_dimensions_that_say_ca() -> None:
+    frame = elevation().frame.assign(unsure=[None, "top", "", ""])
+    drawn = PlanesDrawing(elevation=Vector(frame)).run().drawing.frame
+    assert texts(drawn, "dimensions")[-3:] == ["ca. 2.10", "ca. 3.90", "6.00"]
+
+
+def test_the_schedule_says_ca_to_people_and_numbers_to_programs() -> None:
+    table = PlanesDrawing(elevation=vague()).run().schedule
+    rows = Rows(table, columns=SCHEDULE)
+    names = [str(name) for name in rows.shown]
+    told = [dict(zip(names, cells, strict=True)) for cells in rows.cells]
+    assert [row["width_mm"] for row in told] == ["1000", "ca. 1500", "1500"]
+    assert [row["height_mm"] for row in told] == ["2100", "1500", "ca. 1000"]
+    assert [row["left_mm"] for row in told] == ["1000", "4000", "4000"]
+    assert [row["width_mm"] for row in table.rows()] == [1000, 1500, 1500]
+
+
+def test_an_opening_that_is_no_rectangle_is_broken_where_it_is_unsure() -> None:
+    """Its outline was whole, though the title block and the report say unsure sides are broken."""
+    frame = elevation().frame.assign(unsure=[None, "", "top", ""])
+    slanted = shapely.Polygon([(4, 1), (5.5, 1), (5.5, 2), (5, 2.5), (4, 2.5)])
+    frame.loc[2, "geometry"] = slanted
+    drawn = PlanesDrawing(elevation=Vector(frame)).run().drawing.frame
+    (broken,) = drawn.geometry[drawn["layer"] == "data_edge"]
+    assert broken.equals(slanted.exterior)
 
 
 def test_what_was_not_seen_is_crossed_out() -> None:
@@ -301,7 +361,7 @@ def test_what_was_not_seen_is_crossed_out() -> None:
     assert texts(drawn, "numbers")[:3] == ["1", "2", "3*"]
     crossed = "no point of the wall was seen there; openings may be hidden"
     assert crossed in texts(drawn, "title")
-    assert any(text.startswith("some sides are unsure, or were") for text in texts(drawn, "title"))
+    assert any(text.startswith("some sides are unsure or were") for text in texts(drawn, "title"))
     assert out.schedule.rows()[-1]["opening_id"] == 3
     assert texts(drawn, "dimensions")[:5] == ["1.00", "1.00", "2.00", "1.50", "4.50"]
 

@@ -298,6 +298,31 @@ def test_what_is_never_zero_is_not_told_as_zero(tmp_path: Path) -> None:
     assert sheet["B2"].number_format == "0.000"
 
 
+def test_a_guess_is_told_to_people_and_stays_a_number(tmp_path: Path) -> None:
+    """A size up to a side that was not seen read as if it were as sure as the others."""
+    of_sides = frozenset({"left", "right"})
+    how = {
+        "width": Column("Width", "m", 2, circa={"unsure": of_sides, "hidden": of_sides}),
+        "height": Column("Height", "mm", 0, circa={"unsure": frozenset({"top"})}),
+    }
+    table = Table.from_rows(
+        [
+            {"width": 1.204, "height": 2, "unsure": "left, top", "hidden": ""},
+            {"width": 1.2, "height": 2, "unsure": "", "hidden": "right"},
+            {"width": 1.2, "height": 2, "unsure": "", "hidden": "bottom"},
+        ]
+    )
+    rows = Rows(table, columns=how)
+    assert [cells[:2] for cells in rows.cells] == [
+        *(["ca. 1.20", "ca. 2"], ["ca. 1.20", "2"], ["1.20", "2"])
+    ]
+    Report("R", [Section("T", [rows])]).save(tmp_path / "a.xlsx")
+    sheet = openpyxl.load_workbook(tmp_path / "a.xlsx")["T"]
+    assert [cell.value for cell in sheet["A"][1:]] == [1.204, 1.2, 1.2]
+    assert [cell.number_format for cell in sheet["A"][1:]] == [*['"ca. "0.00'] * 2, "0.00"]
+    assert sheet["B2"].number_format == '"ca. "General'
+
+
 def test_a_workbook_holds_no_more_digits_than_tell_something(tmp_path: Path) -> None:
     rows = Rows(Table.from_rows([{"length": 10.80184671085273}]))
     Report("R", [Section("T", [rows])]).save(tmp_path / "a.xlsx")

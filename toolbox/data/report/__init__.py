@@ -1,7 +1,7 @@
 """Reports: texts, tables, maps and views in one HTML file that needs no other file, or as PDF."""
 
 from toolbox.data.report.blocks import Block, Figure, Head, Plot, Rows, Section
-from toolbox.data.report.columns import COMMON, Column, column_of, unit_text
+from toolbox.data.report.columns import COMMON, Column, column_of, guessed, unit_text
 from toolbox.data.report.document import Report
 
 __all__ = [
@@ -15,5 +15,6 @@ __all__ = [
     "Rows",
     "Section",
     "column_of",
+    "guessed",
     "unit_text",
 ]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from toolbox import language
 from toolbox.data.measures import VALUE, row_digits, unit_column
-from toolbox.data.report.columns import Column, column_of, unit_text
+from toolbox.data.report.columns import Column, column_of, guessed, unit_text
 from toolbox.data.table import Table, is_number
 
 if TYPE_CHECKING:
@@ -161,12 +161,20 @@ class Rows:
         digits: Sequence[int | None] = self.row_digits or [None] * len(frame)
         texts = [
             [
-                "" if absent else how.text(value, n)
-                for value, absent, n in zip(values, values.isna(), digits, strict=False)
+                "" if absent else guessed(how.text(value, n)) if guess else how.text(value, n)
+                for value, absent, n, guess in zip(
+                    values, values.isna(), digits, self.guesses(how), strict=False
+                )
             ]
             for (how, _), (_, values) in zip(self.headings, frame.items(), strict=True)
         ]
         return [list(row) for row in zip(*texts, strict=True)]
+
+    def guesses(self, how: Column) -> list[bool]:
+        """Whether the number of a column is a guess, row by row."""
+        if not how.circa:
+            return [False] * len(self.shown)
+        return [how.is_guess(row) for row in self.shown.to_dict("records")]
 
     @cached_property
     def alike(self) -> list[int]:

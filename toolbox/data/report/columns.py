@@ -42,6 +42,8 @@ class Column:
     meaning : what files say of a column whose heading says too little, or that has none
     names : what is shown in place of words that files hold
     never_zero : whether it is more than nothing however small, as an uncertainty is
+    circa : of other columns with lists of words, those words that make a number a guess, see
+        `guessed`
 
     Examples
     --------
@@ -60,6 +62,7 @@ class Column:
     meaning: str = ""
     names: Mapping[str, str] = field(default_factory=dict)
     never_zero: bool = False
+    circa: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
     def text(self, value: Any, digits: int | None = None) -> str:
         """A value of the column as it is shown, with its own digits unless others are given.
@@ -79,6 +82,21 @@ class Column:
         if self.never_zero and float(text) == 0:
             return f"< {10.0**-digits:.{digits}f}"
         return text.lstrip("-") if float(text) == 0 else text
+
+    def is_guess(self, row: Mapping[Any, Any]) -> bool:
+        """Whether the number in a row of a table is a guess, by what the row says elsewhere.
+
+        >>> width = Column("Width", "m", 2, circa={"unsure": frozenset({"left", "right"})})
+        >>> width.is_guess({"unsure": "left, top"}), width.is_guess({"unsure": "top"})
+        (True, False)
+        """
+        said = ((row.get(name), words) for name, words in self.circa.items())
+        return any(isinstance(t, str) and not words.isdisjoint(t.split(", ")) for t, words in said)
+
+
+def guessed(number: str) -> str:
+    """A number that is a guess, as people read it; files have the number alone."""
+    return f"ca. {number}"
 
 
 COMMON: Mapping[str, Column] = {

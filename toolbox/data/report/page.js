@@ -14,7 +14,7 @@
   // Tables -------------------------------------------------------------------------------------
   const value = (row, column, number) => {
     const text = row.cells[column].textContent.trim();
-    return number ? (text === "" ? NaN : parseFloat(text.replace(",", ".").replace("< ", ""))) : text;
+    return number ? (text === "" ? NaN : parseFloat(text.replace(",", ".").replace(/^(< |\D+\. )/, ""))) : text;
   };
   const sort = (table, column, head) => {
     const up = head.getAttribute("aria-sort") !== "ascending", number = head.classList.contains("number");

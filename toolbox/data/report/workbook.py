@@ -16,7 +16,7 @@ import pandas as pd
 
 from toolbox import language
 from toolbox.data.report.blocks import Rows
-from toolbox.data.report.columns import Column
+from toolbox.data.report.columns import Column, guessed
 from toolbox.data.report.prose import cell as said
 from toolbox.data.report.prose import sentence
 from toolbox.errors import DataError
@@ -129,12 +129,15 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
         longest = max((len(str(v)) for v in values if isinstance(v, str)), default=0)
         sheet.column_dimensions[letter].width = min(max(longest, 12), _WIDEST)
         own: Sequence[int | None] = rows.row_digits or [column.digits] * len(values)
-        for cell, digits in zip(sheet[letter][1:], own, strict=True):
+        guesses, before = rows.guesses(column), language.told(guessed("0")).removesuffix("0")
+        for cell, digits, guess in zip(sheet[letter][1:], own, guesses, strict=True):
             if digits is not None and isinstance(cell.value, float):
                 cell.value = round(cell.value, digits + _SPARE)
                 shown = f"0.{'0' * digits}" if digits else "0"
                 least = f'[<{0.5 * 10.0**-digits:g}]"{column.text(0.0, digits)}";'
                 cell.number_format = f"{least}{shown}" if column.never_zero else shown
+            if guess and isinstance(cell.value, int | float):
+                cell.number_format = f'"{before}"{cell.number_format}'
     sheet.row_dimensions[1].height = _LINE * max(
         (
             len(textwrap.wrap(cell.value, int(sheet.column_dimensions[cell.column_letter].width)))

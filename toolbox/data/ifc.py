@@ -188,8 +188,9 @@ class _Building:
         facts["SetBack"] = min(max(back, 0.0), THICKNESS - LEAF)
         if (sure := _number(one, "certainty")) is not None:
             facts["Certainty"] = sure
-        if isinstance(hidden := one.get("hidden"), str) and hidden:
-            facts["SidesNotSeen"] = hidden
+        for name, own in {"SidesUnsure": "unsure", "SidesNotSeen": "hidden"}.items():
+            if isinstance(sides := one.get(own), str) and sides:
+                facts[name] = sides
         return facts
 
     def finished(self) -> str:
@@ -208,16 +209,20 @@ class _Building:
 
 
 def described(facts: Mapping[str, Any]) -> str:
-    """What an opening is, how certain that is, and which of its sides were not seen.
+    """What an opening is, how certain that is, and which of its sides are unsure or not seen.
 
     Examples
     --------
     >>> described({"Kind": "window", "Certainty": 0.98, "SidesNotSeen": "left"})
     'window, certainty 98 %; sides not seen, which may be elsewhere: left'
+    >>> described({"Kind": "door", "SidesUnsure": "left, top"})
+    'door; unsure sides: left, top'
     """
     told = str(facts["Kind"])
     if "Certainty" in facts:
         told += f", certainty {100 * facts['Certainty']:.0f} %"
+    if "SidesUnsure" in facts:
+        told += f"; unsure sides: {facts['SidesUnsure']}"
     if "SidesNotSeen" in facts:
         told += f"; sides not seen, which may be elsewhere: {facts['SidesNotSeen']}"
     return told

@@ -29,7 +29,7 @@ def elevation(unit: str = "local", metre: float = 1.0) -> Vector:
     # the place of (0, 0): the second front begins at 20 in the elevation, at y = 0 in space
     first = (500.25 * metre, 400.0 * metre, 100.0 * metre, 1, 0, 0, 0, 0, 1)
     second = (510.25 * metre, (400.0 - 20) * metre, 100.0 * metre, 0, 1, 0, 0, 0, 1)
-    size = {"set_back": 0.1 * metre, "certainty": 0.9, "hidden": "left"}
+    size = {"set_back": 0.1 * metre, "certainty": 0.9, "hidden": "left", "unsure": "top"}
     rows: list[dict[str, Any]] = [
         {"kind": "facade", "front_id": 1, "opening_id": 0, **dict(zip(names, first, strict=True))},
         {"kind": "facade", "front_id": 2, "opening_id": 0, **dict(zip(names, second, strict=True))},
@@ -85,6 +85,7 @@ def test_a_front_is_valid_ifc_with_the_sizes_in_metres(
     }
     assert properties["Sill"] == pytest.approx(1.0)
     assert properties["SidesNotSeen"] == "left"
+    assert properties["SidesUnsure"] == "top", "its height stood there as if it were sure"
 
 
 @pytest.mark.slow
@@ -105,7 +106,10 @@ def test_the_model_is_no_surer_than_the_layer_what_an_opening_is(tmp_path: Path)
     either = fills.RelatedBuildingElement
     assert (either.is_a(), either.Name) == ("IfcBuildingElementProxy", "Door or window 2")
     assert either.ObjectType == "door or window"
-    told = "door or window, certainty 90 %; sides not seen, which may be elsewhere: left"
+    told = (
+        "door or window, certainty 90 %; unsure sides: top; "
+        "sides not seen, which may be elsewhere: left"
+    )
     assert either.Description == told == fills.RelatingOpeningElement.Description
     facts = ifcopenshell.util.element.get_psets(either)["Survey_Opening"]
     assert (facts["Kind"], facts["Width"]) == ("door or window", 1.5)

@@ -71,7 +71,8 @@ SPANS = {
         "Standard deviation of the swing",
         "°",
         1,
-        meaning="Of the wires as surveyed: by the scatter of the points, and how much was seen",
+        meaning="Of the wires as surveyed: by the scatter of the points, how much was seen, and "
+        "how far the wires of the span disagree",
         never_zero=True,
     ),
     "clearance_sd": Column("Standard deviation of the clearance", "m", 2, never_zero=True),

@@ -204,7 +204,11 @@ def surroundings_of(
     low = np.where(np.isin(kind, PLANTS) & (height < lowest), kind, TAKES_NO_PART)
     kind[low >= 0] = TAKES_NO_PART
     if lowest:
-        left_out[f"Plants, or what may be, lower than {lowest:g} m"] = int((low >= 0).sum())
+        why = (
+            f'Plants, or what may be, lower than {lowest:g} m, the setting "Lowest object" '
+            "(min_object_height)"
+        )
+        left_out[why] = int((low >= 0).sum())
     hanging = np.full_like(kind, TAKES_NO_PART)
     return Surroundings(index, xyz, kind, height, low, hanging, left_out)
 

@@ -45,7 +45,7 @@ from algorithms.corridor._clearance.sag import (
 )
 from algorithms.corridor._clearance.surroundings import line_of, surroundings_of
 from algorithms.corridor._curves.catenary import Catenary
-from algorithms.corridor._extraction.layers import catenaries_of, wire_layer
+from algorithms.corridor._extraction.layers import catenaries_of, swing_sigmas, wire_layer
 from algorithms.corridor._extraction.spans import Wire
 from toolbox.data import PointCloud, Report, Rows, Survey, Table, Vector
 from toolbox.errors import DataError, ParameterError
@@ -237,6 +237,24 @@ def test_a_swing_that_was_not_looked_for_is_empty() -> None:
     assert [curve.swing for curve in again] == pytest.approx([0.0, SLOPING.swing])
     spans = run(cloud(flat(), 2), LEVEL, SLOPING)["spans"].frame
     assert spans["swing"].tolist() == pytest.approx([math.nan, swing], nan_ok=True)
+
+
+@pytest.mark.parametrize("other", [-14.5, -14.0, -0.3])
+def test_wires_of_a_span_that_disagree_make_its_swing_less_sure(other: float) -> None:
+    """At -14.5 and -0.3 degrees, each known to 2, the swing was said to be known to 2 degrees."""
+    wires = []
+    for n, swing in enumerate((-14.5, other)):
+        curve = replace(LEVEL, swing=math.tan(math.radians(swing)), x=8.0 * n, rms=0.1, count=80)
+        seen = replace(curve, covariance=COVARIANCE)
+        wires.append(Wire(seen, (-1, -1), (0.0, 90.0), 0.25, 1, n + 1, n + 1))
+    found = wire_layer(wires, np.array([EAST, NORTH, 0.0]), 1.0, CRS.from_epsg(32635))
+    alone = swing_sigmas(found)
+    points = cloud(flat(), 2)
+    spans = toolbox.run("corridor.clearance", {"points": points, "wires": found})["spans"].frame
+    assert spans["swing"].tolist() == pytest.approx([-14.5])
+    assert 0.5 < alone[0] < 2.5
+    spread = abs(other + 14.5) / math.sqrt(2.0)
+    assert spans["swing_sd"].tolist() == pytest.approx([max(alone[0], spread)], rel=0.05)
 
 
 def test_the_distances_of_nerc_hold_at_sea_level() -> None:

@@ -516,7 +516,8 @@ def test_grass_is_no_object_and_what_is_left_out_is_told() -> None:
         assert (found["object_count"], found["low_object_count"]) == (1, 3)
         assert found["points_0_20"] == 6
         unseen = found["report"].head.unseen
-        assert "Plants, or what may be, lower than 2 m: 18 points." in unseen
+        setting = 'the setting "Lowest object" (min_object_height)'
+        assert f"Plants, or what may be, lower than 2 m, {setting}: 18 points." in unseen
         assert "Of these, would break a rule or be near; in 3 objects: 18 points." in unseen
         every = toolbox.run("corridor.clearance", {**values, "min_object_height": 0.0})
         assert (every["object_count"], every["low_object_count"]) == (4, 0)

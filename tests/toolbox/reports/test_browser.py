@@ -230,6 +230,23 @@ def test_pages_fit_a_phone(name: str, pages: dict[str, Path], driver: Any) -> No
         assert opened.page.evaluate("document.scrollingElement.scrollWidth") <= 380
 
 
+@pytest.mark.parametrize("width", [380, 700, 1200])
+def test_the_legend_hides_nothing_of_the_map(width: int, driver: Any, tmp_path: Path) -> None:
+    """It had lain over the upper right corner, where "Show all" did not help."""
+    page = tmp_path / "page.html"
+    areas = {"areas": squares([8.0, 9.0], 2), "reference": squares([8.0, 9.0], 0)}
+    toolbox.run("compare.areas", {**areas, "page": page})
+    with Opened(driver, page, width=width) as opened:
+        figure = opened.drawn("map")
+        figure.get_by_role("button", name="Show all").click()
+        plot = figure.locator(".nsewdrag").first.bounding_box()
+        legend = figure.locator(".legend").first.bounding_box()
+        beside = legend["x"] >= plot["x"] + plot["width"]
+        assert beside or legend["y"] >= plot["y"] + plot["height"], (plot, legend)
+        assert legend["x"] + legend["width"] <= width
+        assert plot["width"] > 0.5 * width
+
+
 @pytest.mark.parametrize("writer", ["toolbox", "browser"])
 def test_paper_holds_the_last_column_and_every_row(
     writer: str, pages: dict[str, Path], driver: Any, tmp_path: Path

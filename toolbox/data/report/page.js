@@ -159,7 +159,7 @@
       font: FONT, separators: comma ? ",." : ".,", dragmode: "pan", margin: { l: phone ? 8 : 58, r: 8, t: 8, b: phone ? 8 : 38 }, paper_bgcolor: "#fff", plot_bgcolor: "#e9edf1", images: image(data.bases[0]),
       xaxis: { ...axis, visible: !phone, range: [data.x0 + west, data.x0 + east], title: { text: data.axes[0], font: { size: 11 } } },
       yaxis: { ...axis, visible: !phone, range: [data.y0 + south, data.y0 + north], scaleanchor: "x", title: { text: data.axes[1], font: { size: 11 } }, tickangle: -90 },
-      legend: phone ? { orientation: "h", y: -0.02, yanchor: "top" } : { bgcolor: "#ffffffd8", x: 1, xanchor: "right", y: 1, groupclick: "toggleitem" },
+      legend: phone ? { orientation: "h", y: -0.02, yanchor: "top" } : { x: 1.01, xanchor: "left", y: 1, groupclick: "toggleitem" },
     };
     await Plotly.newPlot(canvas, traces, layout, LOOK);
     figure.classList.add("drawn");
@@ -292,7 +292,7 @@
     const layout = {
       font: FONT, separators: comma ? ",." : ".,", margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#f4f6f8", uirevision: 1,
       scene: { aspectmode: "data", dragmode: "turntable", camera: { eye: first, up: { x: 0, y: 0, z: 1 } }, xaxis: { ...axis, title: { text: data.axes[0] } }, yaxis: { ...axis, title: { text: data.axes[1] } }, zaxis: { ...axis, title: { text: data.axes[2] } } },
-      legend: phone ? { itemsizing: "constant", orientation: "h", x: 0, y: -0.02, yanchor: "top", maxheight: 0.3 } : { bgcolor: "#ffffffd8", itemsizing: "constant", x: 1, xanchor: "right", y: 1 },
+      legend: phone ? { itemsizing: "constant", orientation: "h", x: 0, y: -0.02, yanchor: "top", maxheight: 0.3 } : { itemsizing: "constant", x: 1.01, xanchor: "left", y: 1 },
     };
     await Plotly.newPlot(canvas, traces, layout, LOOK);
     figure.classList.add("drawn");

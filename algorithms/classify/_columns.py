@@ -25,6 +25,7 @@ PARTS = {"id": Column("Part"), "building": Column("Building")} | {
     name: BUILDINGS[name]
     for name in ("area", "points", "ground", "eave", "ridge", "mean", "height", "form", "cut")
 }
+PARTS |= {"building_height": Column("Height of the building", "unit", 1)}
 TREES = {
     "id": Column("Tree"),
     "height": Column("Height", "unit", 1),

@@ -117,8 +117,11 @@ class ClassifyBuildings:
     `parts` are the blocks of a city model: sections of 10 m² or more that lie beside each other and
     whose mean heights differ by 2 m or more, as a tower and a low wing. Straight walls part them,
     and together they are the outlines, without gaps; a roof at one height is one part. The ground
-    is that of the building, the attribute building its id. As CityJSON they are LoD1.3, the
-    outlines alone LoD1.2.
+    is that of the building, the attribute building its id, and building_height its height. The
+    other heights of a part are those of its own sections of 10 m² or more: a smaller one, such as a
+    dormer, counts for the building alone, which may be higher than its highest part. A part is cut
+    where the edge of the data meets the part itself. As CityJSON they are LoD1.3, the outlines
+    alone LoD1.2.
 
     `radius`, `context` and `alpha` follow the density of the points unless they are given, and
     `flat` the noise of points on the ground where pulses have several returns; much noise is told.
@@ -338,7 +341,7 @@ class ClassifyBuildings:
         There are several of a roof where only its overhang joins them.
         """
         rows: Rows = []
-        parts: list[list[tuple[Any, Ints]]] = []
+        parts: Rows = []
         narrow = 0
         sure = confidences(shapes, features, planes)
         for done, shape in enumerate(shapes):
@@ -351,19 +354,19 @@ class ClassifyBuildings:
             for drawn in shapely.get_parts(roof if walls.is_empty else walls):
                 row = {"id": name_of(drawn), "area": drawn.area, "perimeter": drawn.length}
                 row |= {"points": len(inside), **of_roof, "confidence": sure[done]}
-                rows.append(row | {"squared": straight, "geometry": drawn})
-                parts.append(self._parts(features, inside, drawn, lengths))
+                found = self._parts(features, inside, drawn, lengths)
+                row |= {"squared": straight, "parts": len(found), "geometry": drawn}
+                own = [part_row(row, features, *part, lengths) for part in found]
+                rows.append(row | highest(row, own))
+                parts += [part | {"building_height": rows[-1]["height"]} for part in own]
+        outlined = [row["geometry"] for row in rows + parts]
         xy = self.points.xyz[:, :2]
-        at_edge = cut([row["geometry"] for row in rows], xy, lengths.spacing, self.points.metre)
-        for row, there, own in zip(rows, at_edge, parts, strict=True):
-            row |= {"cut": bool(there), "parts": len(own)}
+        at_edge = cut(outlined, xy, lengths.spacing, self.points.metre)
+        for row, there in zip(rows + parts, at_edge, strict=True):
+            row["cut"] = bool(there)
         if narrow:
             log.warning("roofs narrower than twice the overhang, drawn as they are: %d", narrow)
-        return rows, [
-            part_row(row, features, *part, lengths)
-            for row, own in zip(rows, parts, strict=True)
-            for part in own
-        ]
+        return rows, parts
 
     def _drawn(self, shape: Any, density: float, lengths: Lengths) -> tuple[Any, bool]:
         """The outline of a roof, and whether it was squared."""
@@ -604,11 +607,16 @@ def part_row(
     found = heights(features, inside, shape, lengths) if row["parts"] > 1 else dict(row)
     made = {"id": name_of(shape), "building": row["id"], "area": shape.area, "points": len(inside)}
     height = found["ridge"] - row["ground"]
-    return (
-        found
-        | made
-        | {"ground": row["ground"], "height": height, "cut": row["cut"], "geometry": shape}
-    )
+    return found | made | {"ground": row["ground"], "height": height, "geometry": shape}
+
+
+def highest(row: dict[str, Any], parts: Rows) -> dict[str, float]:
+    """Ridge and height of a building, at least those of its highest part.
+
+    A part that is small beside its building has more than a hundredth of it above the ridge.
+    """
+    ridge = max(row["ridge"], *(part["ridge"] for part in parts))
+    return {"ridge": ridge, "height": ridge - row["ground"]}
 
 
 def confidences(shapes: Shapes, features: _evidence.PointFeatures, planes: Mask) -> Floats:

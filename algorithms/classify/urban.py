@@ -90,7 +90,9 @@ class ClassifyUrban:
     @outputs
     class Outputs:
         classified: PointCloud = sink(
-            "The same points with classes 1 to 6 and 9, and confidence", label="Classified points"
+            "The same points with classes 1 to 6 and 9, noise (7, 18), classes that stay; and "
+            "confidence",
+            label="Classified points",
         )
         ground_share: float = parameters.ground_share()
         vegetation_share: float = sink("Share of points that are vegetation", unit="1")

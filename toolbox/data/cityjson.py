@@ -6,7 +6,7 @@ the unit.
 
 Polygons with the attribute `building` are parts of the building of that name: level of detail 1.3.
 A building of several has no block of its own, but one for each of its parts, and the attributes in
-which these agree.
+which these agree. Its height is their `building_height`, or else that of the highest part.
 
 References
 ----------
@@ -39,6 +39,7 @@ SUFFIX = ".city.json"
 GROUND, TOPS, HEIGHT = "ground", ("mean", "eave", "ridge"), "height"
 ID, RIDGE, FORM = "id", "ridge", "form"
 WHOLE = "building"  # of which a polygon is a part
+WHOLE_HEIGHT = "building_height"
 _SCALE = 0.001
 _APART = 0.01  # in the unit of the data: between a hole and the ring that it touches
 _SURFACES = ({"type": "GroundSurface"}, {"type": "RoofSurface"}, {"type": "WallSurface"})
@@ -76,7 +77,7 @@ def write(
                 "geometry": [_geometry(solids, lod)],
             }
     if WHOLE in frame:
-        objects = _with_parents(objects)
+        objects = _with_parents(objects, metre)
     model: dict[str, Any] = {"type": "CityJSON", "version": "2.0"}
     model["transform"] = {"scale": [_SCALE] * 3, "translate": places.origin.tolist()}
     model["metadata"] = _metadata(frame.crs, places, head)
@@ -92,7 +93,7 @@ def _keys(frame: geopandas.GeoDataFrame) -> list[str]:
     return [f"{kind}-{number}" for number in range(1, len(frame) + 1)]
 
 
-def _with_parents(blocks: Mapping[str, Any]) -> dict[str, Any]:
+def _with_parents(blocks: Mapping[str, Any], metre: float) -> dict[str, Any]:
     """Buildings before the blocks that are parts of them; one with a single block is that block."""
     of_whole: dict[str, list[str]] = {}
     for key, block in blocks.items():
@@ -106,7 +107,9 @@ def _with_parents(blocks: Mapping[str, Any]) -> dict[str, Any]:
         said = [blocks[key]["attributes"] for key in keys]
         shared = {k: v for k, v in said[0].items() if all(k in one and one[k] == v for one in said)}
         heights = [one["measuredHeight"] for one in said if "measuredHeight" in one]
-        if heights:
+        if WHOLE_HEIGHT in shared:
+            shared["measuredHeight"] = round(float(shared[WHOLE_HEIGHT]) / metre, 3)
+        elif heights:
             shared["measuredHeight"] = max(heights)
         objects[whole] = {"type": "Building", "attributes": shared, "children": keys}
         for key in keys:

@@ -80,6 +80,31 @@ def test_a_tower_and_its_wing_have_heights_of_their_own(turn: float, metre: floa
     assert row.ridge / metre == pytest.approx(124, abs=0.1)
 
 
+def test_a_part_is_cut_where_the_data_end_at_itself() -> None:
+    """Parts far inside the data took over that their building is cut."""
+    points = survey(TOWER, WING)
+    row, parts = the_parts(points.select(points["x"] > CENTRE[0] - 12))
+    assert row.cut
+    assert parts.frame.sort_values("mean")["cut"].tolist() == [True, False]
+
+
+def test_a_building_is_as_high_as_its_highest_part() -> None:
+    """A tower of less than a hundredth of a hall was above the ridge of the building."""
+    hall, mast = shapely.box(-40, -25, 40, 25), shapely.box(-3, -3, 3, 3)
+    row, parts = the_parts(survey((hall, 8.0), (mast, 20.0)))
+    assert row.parts == 2
+    assert row.height == pytest.approx(20, abs=0.1)
+    assert row.height == row.ridge - row.ground == parts.frame["height"].max()
+
+
+def test_what_is_no_part_counts_for_the_height_of_the_building() -> None:
+    dormer = shapely.box(-19, -1, -16, 2), 28.0
+    row, parts = the_parts(survey(TOWER, WING, dormer))
+    assert row.height == pytest.approx(28, abs=0.1)
+    assert parts.frame["height"].max() == pytest.approx(24, abs=0.1)
+    assert (parts.frame["building_height"] == row.height).all()
+
+
 def test_a_roof_at_one_height_is_one_part() -> None:
     row, parts = the_parts(survey((shapely.box(-10, -6, 10, 6), 8.0)))
     (only,) = parts.frame.itertuples()

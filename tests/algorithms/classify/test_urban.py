@@ -17,6 +17,7 @@ import toolbox
 from algorithms.classify import _evidence
 from algorithms.classify.urban import ClassifyUrban
 from algorithms.samples.scene import SamplesScene
+from toolbox import catalog
 from toolbox.context import Context
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError, NothingToDo, ParameterError
@@ -216,6 +217,14 @@ def modelled(points: PointCloud, **settings: Any) -> Any:
     """The model on points whose classes it does not know."""
     bare = points.with_attributes({"classification": np.zeros(len(points), np.uint8)})
     return toolbox.run("models.urban_classes", {"points": bare, **settings})
+
+
+@pytest.mark.parametrize("name", ["classify.urban", "models.urban_classes"])
+def test_noise_and_classes_that_stay_are_said(name: str) -> None:
+    """The README of a set knew of classes 1 to 6 and 9 only."""
+    said = catalog.load(name).outputs["classified"].help
+    assert "7, 18" in said
+    assert "classes that stay" in said
 
 
 @pytest.mark.slow

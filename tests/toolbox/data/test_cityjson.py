@@ -270,3 +270,15 @@ def test_parts_are_those_of_their_building(tmp_path: Path) -> None:
     )
     volumes = [volume(model, shell) for shell in shells(model)]
     assert volumes == pytest.approx([160 * 6.5, 160 * 30, 80 * 6.5])
+
+
+@pytest.mark.parametrize("metre", [1.0, 3937 / 1200])
+def test_a_building_has_the_height_of_its_outline(metre: float, tmp_path: Path) -> None:
+    """A dormer counts for the building alone: it was 1.35 m lower in CityJSON than its outline."""
+    crs = None if metre == 1 else "EPSG:2263+6360"
+    frame = town(shapely.box(0, 0, 20, 8), shapely.box(20, -4, 30, 12), ridge=9.0).frame
+    frame = frame.assign(id=["a", "b"], building="c", building_height=9.5 * metre)
+    frame = frame.set_crs(crs, allow_override=True)
+    objects = saved(Vector(frame), tmp_path)["CityObjects"]
+    assert objects["building-c"]["attributes"]["measuredHeight"] == pytest.approx(9.5)
+    assert objects["part-a"]["attributes"]["measuredHeight"] == pytest.approx(8 / metre, abs=1e-3)

@@ -42,7 +42,7 @@ _NAMES = "class|body|span|wire|tower|line|strip|front|plane|step|band|level|numb
 """What is named by a number: the points of "class 1 points" are not counted by it."""
 _MANY = "|".join(sorted(_ONE, key=len, reverse=True))
 _DO = "|".join(sorted(_VERBS, key=len, reverse=True))
-_OWN = "first|last|flat|flagged|negative|independent|more|water|other|low|high|new"
+_OWN = "first|last|flat|flagged|negative|independent|more|water|other|low|high|new|level"
 _OF = r"(?: (?:of|in|on|near|without) [^\s,;:]+(?: [^\s,;:]+){0,3}?)?"
 _COUNTED = re.compile(
     rf"(?<![\w.,:/+-])(?<!°)(?P<name>(?:\b(?:{_NAMES}) )?)"

@@ -74,7 +74,8 @@ class RasterBasin:
         there = _at_all_corners(np.isfinite(self._heights))
         self._inside, self._cut = there, no_cut()
         self._outline, self._lake = outline, no_cut()
-        wanted = there.size * self._cell**2
+        outside = _outside(there)
+        wanted = np.count_nonzero(~outside) * self._cell**2
         if outline is not None:
             self._inside, near = self._placed(outline, there, ctx.part(0, 0.5))
             xy, z, square = self._around(np.flatnonzero(near))
@@ -87,7 +88,7 @@ class RasterBasin:
         self._used = _of_any_square(squares)
         known = _at_all_squares(there)
         self._rim = _of_any_square(self._inside) & ~known
-        self._outer = self._rim & _beside_outside(there)
+        self._outer = self._rim & ~_at_all_squares(~outside)
         self._starts = _of_any_square(self._inside) if self._inside.any() else self._used
         found = np.concatenate([self._heights[self._starts], self._cut.z.ravel()])
         self.lowest, self.highest = float(found.min()), float(found.max())
@@ -248,8 +249,8 @@ def _lowest_corner(cells: Array) -> Array:
     return np.minimum(rows[:, :-1], rows[:, 1:])
 
 
-def _beside_outside(there: Mask) -> Mask:
-    """True for cells beside which the data ends, and not at a gap in it.
+def _outside(there: Mask) -> Mask:
+    """True for squares beyond the end of the data, and not in a gap that it encloses.
 
     Parameters
     ----------
@@ -259,7 +260,7 @@ def _beside_outside(there: Mask) -> Mask:
     border = np.ones(outside.shape, bool)
     border[1:-1, 1:-1] = False
     ends = ndimage.binary_propagation(border, np.ones((3, 3), bool), outside)
-    return ~_at_all_corners(~ends)
+    return np.asarray(ends[1:-1, 1:-1])
 
 
 def _of_any_square(squares: Mask) -> Mask:

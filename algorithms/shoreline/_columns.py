@@ -2,39 +2,9 @@
 
 from __future__ import annotations
 
+from algorithms.shared.water_columns import WATER
 from toolbox.data.report import Column
 
-WATER = {
-    "body": Column("Body"),
-    "level": Column("Level", "unit", 3),
-    "level_error": Column(
-        "Standard error of the level within the survey",
-        "unit",
-        3,
-        never_zero=True,
-        meaning="Standard error of the level by the points of this survey alone; an error that all "
-        "of its heights have in common comes on top",
-    ),
-    "level_interval": Column(
-        "Uncertainty of the level within the survey (95 %)",
-        "unit",
-        3,
-        never_zero=True,
-        meaning="Half of the 95 % interval of the level by the points of this survey alone; an "
-        "error that all of its heights have in common comes on top",
-    ),
-    "slope": Column("Slope of the level", "", 6),
-    "area": Column("Area", "m²", 0),
-    "area_error": Column("Standard error of the area", "m²", 0, never_zero=True),
-    "perimeter": Column("Perimeter", "m", 0),
-    "open_length": Column("Edge of the data in it", "m", 0),
-    "islands": Column("Islands"),
-    "uncertainty": Column("Standard error of the shore", "m", 2, never_zero=True),
-    "density": Column("Points on land around", "1/m²", 2),
-    "returned": Column("Returns, of those on the shore", "%", 0, 100.0),
-    "darkness": Column("Darkness against the shore, 0 to 1", "", 2),
-    "evidence": Column("What tells that it is water"),
-}
 SHORELINE = {
     "body": WATER["body"],
     "kind": Column("Kind"),

@@ -230,11 +230,11 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
     if left_out:
         setting = setting_name("level_alone")
         log.warning(
-            "points: %d level places are left out, as nothing else tells that they are water: ice "
-            "or bright water, a pool of a river, or a square, a field, a cutting; a terrain has "
-            "them as the points do, unless their outlines are given to it as known water%s: %s",
+            "points: %d level places are left out, as nothing else tells of water there: ice or "
+            "bright water, a pool of a river, or a square, a field, a cutting; a terrain has there "
+            "what the points have, unless it is given outlines of known water%s: %s",
             len(left_out),
-            f"; the setting {setting} gives them" if setting else "",
+            f"; the setting {setting} gives such places" if setting else "",
             listed(cells, left_out),
         )
     return sure
@@ -311,8 +311,8 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
         log.warning(
             "points: %d level places are left out from which water would run off to lower ones: "
             "flights at other times, ice, plants, a pool above rapids or a weir, or land; a "
-            "terrain has them as the points do, unless their outlines are given to it as known "
-            "water, and where they meet water, its outline may be no shore: %s",
+            "terrain has there what the points have, unless it is given outlines of known water, "
+            "and where water meets such a place, its outline may be no shore: %s",
             len(told),
             some_of([_above(cells, one, found) for one in told]),
         )

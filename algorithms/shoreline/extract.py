@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from algorithms.shared import parameters
+from algorithms.shared.water_columns import WATER
 from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._level import NINETY_FIVE
 from toolbox.context import QUIET, Context, log, setting_name
@@ -119,7 +120,7 @@ class ShorelineExtract:
     @outputs
     class Outputs:
         water: Vector = sink(
-            "Polygons of the water, at its level", show=show.OfClass(9), columns=columns.WATER
+            "Polygons of the water, at its level", show=show.OfClass(9), columns=WATER
         )
         shoreline: Vector = sink(
             "Their outlines: shore, islands, and edges of the data",
@@ -165,12 +166,27 @@ class ShorelineExtract:
                 f"{bodies} of {area} in all, {reach} more or less; "
                 f"{which} is {f'{level:.3f} {unit}'.rstrip()}"
             )
+            fall = self._fall(unit)
             if not math.isfinite(interval):
-                return f"{words}."
+                return f"{words}. {fall}".rstrip()
             reach = f"{max(interval, LEAST_TOLD):.3f} {unit}".rstrip()
-            return (
+            words = (
                 f"{words}, ± {reach} within the survey (95 % "
                 "intervals); an error that all of its heights have in common comes on top."
+            )
+            return f"{words} {fall}".rstrip()
+
+        def _fall(self, unit: str) -> str:
+            """Sentence on the fall of the largest body, "" if it is level."""
+            frame = self.water.frame
+            if not frame["slope"].iloc[0]:
+                return ""
+            own = frame.geometry[frame["body"] == frame["body"].iloc[0]]
+            z = own.get_coordinates(include_z=True)["z"]
+            low = f"{z.min():.3f} {unit}".rstrip()
+            return (
+                f"The surface of the largest falls from {z.max():.3f} to {low}; the level is that "
+                "of its middle."
             )
 
         @property
@@ -237,10 +253,11 @@ class ShorelineExtract:
             chosen = [at_place(cells, water, self.seed_point)]
         if others := [water[k] for k in every if k not in chosen]:
             bodies, place = setting_name("bodies"), setting_name("seed_point")
-            how = f"; {bodies} all gives them" if bodies else ""
-            how += f"; {place} takes one of them" if place else ""
+            how = f"; {bodies} all gives every one" if bodies else ""
+            how += f"; {place} takes the one at a place" if place else ""
             log.warning(
-                "points: %d other water bodies were found, and only their outlines are given%s: %s",
+                "points: %d other water bodies were found, of which the outlines alone are "
+                "given%s: %s",
                 len(others),
                 how,
                 listed(cells, others),

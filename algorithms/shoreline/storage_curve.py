@@ -592,7 +592,7 @@ def table(
             "area_gain_m2": np.diff(area, prepend=0.0) / square,
             "volume_gain_m3": np.diff(volume, prepend=0.0) / (square * ground.metre),
             "apart_m2": apart / square,
-            "open": levels >= round(opens, DIGITS),
+            "open": np.round(levels, DIGITS) >= round(opens, DIGITS),
             "heights": height_system(ground.crs),
         }
     )

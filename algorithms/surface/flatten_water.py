@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from algorithms.shared.alignment import misfit, offset
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.polygons import cells_within, polygons
+from algorithms.shared.water_columns import WATER
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
 from toolbox.data.crs import unit_of_heights
-from toolbox.declare import outputs, param, sink, source, tool
+from toolbox.declare import outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 Array = NDArray[np.float64]
@@ -99,7 +100,12 @@ class SurfaceFlattenWater:
         surface_with_water: Raster | None = sink(
             "The surface with water where nothing stands above it", label="Surface with water"
         )
-        laid: Vector = sink("Polygons of the water that was laid", listed=False)
+        laid: Vector = sink(
+            "Polygons of the water that was laid",
+            show=show.OfClass(9),
+            columns=WATER,
+            listed=False,
+        )
         filled: int = sink(
             "Empty cells of the surface that are water", unit="1", label="Filled cells"
         )
@@ -118,12 +124,21 @@ class SurfaceFlattenWater:
                     f"The water is level; {self.raised} cells of the shore were lower, and raised "
                     f"to it by at most {self.largest_raise / metres:.2f} {unit}."
                 )
+            if self._falls():
+                words += " Rivers among it are not level: they fall downstream."
             if self.filled:
                 words += (
                     f" {self.filled} cells of the surface in which nothing came back from the "
                     "water have its height, too."
                 )
             return words
+
+        def _falls(self) -> bool:
+            """Whether the surface of some of the water is not level."""
+            return any(
+                not math.isfinite(_number(row.get(LEVEL))) or _number(row.get(SLOPE)) > 0
+                for row in self.laid.frame.to_dict("records")
+            )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The raster holds heights, and the level is known."""
@@ -284,9 +299,13 @@ class SurfaceFlattenWater:
     @cached_property
     def _laid(self) -> Vector:
         """The water that is laid: what was found, and what is known."""
+        found = self._found
+        if self.level is not None:
+            frame = found.frame.assign(**{LEVEL: self.level, SLOPE: 0.0})
+            found = Vector(frame, name=found.name, geometry_type=found.geometry_type)
         if not self.known:
-            return self.water
-        return Vector.concat([self._found, Vector(self.known.frame.assign(**{EVIDENCE: "known"}))])
+            return found
+        return Vector.concat([found, Vector(self.known.frame.assign(**{EVIDENCE: "known"}))])
 
     def _bodies(self) -> Iterator[tuple[shapely.Polygon, Surface]]:
         """The polygons that were found, with the surface of each, in the unit of the heights."""

@@ -78,6 +78,7 @@ def test_other_numbers_stay(text):
         ("They stand in 1 clumps.", "They stand in 1 clump."),
         ("points near 1 wires hang in mid-air", "points near 1 wire hang in mid-air"),
         ("there are 1 classes", "there is 1 class"),
+        ("1 level places are left out", "1 level place is left out"),
     ],
 )
 def test_one_is_not_many(text, made):

@@ -119,6 +119,14 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
             "büyüğünün seviyesi 411.087 ft.",
         ),
         (
+            "2 water bodies of 900 m² in all, 10 m² more or less; the level of the largest is "
+            "411.087 ft. The surface of the largest falls from 412.000 to 410.000 ft; the level "
+            "is that of its middle.",
+            "2 su kütlesi, toplam 900 m², 10 m² fazla veya eksik; en büyüğünün seviyesi 411.087 "
+            "ft. En büyüğünün yüzeyi 412.000 kotundan 410.000 ft kotuna alçalır; seviye, ortasının "
+            "seviyesidir.",
+        ),
+        (
             "The survey has 2.2 pulses per square metre (0.20/ft²), 0.68 m (2.23 ft) apart; "
             "0.10 % of it are voids. 2 strips overlap on 30 % of it.",
             "Ölçmede metrekareye 2.2 (0.20/ft²) atım var, 0.68 m (2.23 ft) aralıklı; % 0.10 "

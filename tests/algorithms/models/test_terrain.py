@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 import toolbox
+from toolbox import catalog
 from toolbox.data import PointCloud, Raster, Vector
 
 ROAD, BRIDGE = 11, 17
@@ -133,3 +134,17 @@ def test_known_water_is_laid_in_place_of_what_was_found() -> None:
     found = toolbox.run("models.terrain", {**values, "known_water": Vector(known)})
     assert found["dtm"].band()[60, 60] == np.float32(-0.5)
     assert found["water_bodies"].frame["evidence"].tolist() == ["known"]
+
+
+def test_water_that_was_laid_has_the_headings_and_units_of_water_that_was_found() -> None:
+    """They were those of no tool: "level Level", with no unit."""
+    fields = [
+        catalog.load(tool).outputs[name]
+        for tool, name in (
+            ("shoreline.extract", "water"),
+            ("surface.flatten_water", "laid"),
+            ("models.terrain", "water_bodies"),
+        )
+    ]
+    assert all(field.columns == fields[0].columns for field in fields)
+    assert fields[2].columns["level_error"].unit == "unit"

@@ -110,12 +110,12 @@ def test_a_pond_at_the_same_level_is_another_body(caplog: pytest.LogCaptureFixtu
     cloud = lake(pond=7.0)
     lake_alone = extract(cloud)
     assert iou(only(lake_alone).geometry, CIRCLE) > 0.98
-    told = "1 other water bodies were found, and only their outlines are given; bodies all gives"
-    assert f"{told} them; seed_point takes one of them: about 1" in caplog.text
+    told = "1 other water bodies were found, of which the outlines alone are given; bodies all"
+    assert f"{told} gives every one; seed_point takes the one at a place: about 1" in caplog.text
     caplog.clear()
     every = extract(cloud, bodies="all")
     both = every.water.frame
-    assert "only their outlines" not in caplog.text
+    assert "the outlines alone" not in caplog.text
     assert every.other_waters.frame.empty
     (outline,) = lake_alone.other_waters.frame.itertuples()
     assert (outline.body, outline.kind) == (2, "shore")
@@ -254,6 +254,10 @@ def test_a_torrent_of_a_class_of_water_is_water() -> None:
     assert extract(cloud, sloped=True).count == 0
     row = only(extract(cloud, sloped=True, water_classes=ClassList((9,))))
     assert row.slope == pytest.approx(0.05, rel=0.02)
+    told = extract(cloud, sloped=True, water_classes=ClassList((9,))).in_words()
+    pattern = r"The surface of the largest falls from (\d+\.\d+) to (\d+\.\d+) m; the"
+    ((high, low),) = re.findall(pattern, told)
+    assert [float(low), float(high)] == pytest.approx([100.0, 110.0], abs=0.3)
 
 
 def test_a_river_that_returns_nothing_and_falls_evenly_is_not_off_its_banks(
@@ -506,7 +510,7 @@ def test_what_is_known_by_its_level_alone_is_left_out_and_told(
     (count,) = re.findall(r"points: (\d+) level places are left out", caplog.text)
     places = re.findall(r"about \d+ m2 at [0-9.]+,[0-9.]+, level [0-9.]+ m", caplog.text)
     assert len(places) == int(count), "each with its level"
-    assert "the setting level_alone gives them" in caplog.text
+    assert "the setting level_alone gives such places" in caplog.text
     assert set(extract(dry.points, bodies="all", level_alone=True).water.frame["evidence"]) == {
         "level"
     }

@@ -179,6 +179,15 @@ def test_a_gap_opens_the_basin_and_is_counted(caplog: pytest.LogCaptureFixture) 
     assert "has no ground" in caplog.text
 
 
+def test_what_lies_outside_of_the_data_is_no_gap(caplog: pytest.LogCaptureFixture) -> None:
+    """Of a triangle in its rectangle, half was said to have no ground."""
+    ground = bowl()[0].band().astype(float)
+    ground[np.tri(*ground.shape, k=-20, dtype=bool)] = np.nan
+    with caplog.at_level(logging.WARNING):
+        assert ShorelineStorageCurve(terrain=raster(ground), highest=110.0).run().missing_share == 0
+    assert "has no ground" not in caplog.text
+
+
 def test_gaps_between_points() -> None:
     _, xyz = bowl()
     away = np.hypot(*(xyz[:, :2] - [WEST + 30, NORTH]).T)
@@ -433,6 +442,15 @@ def test_levels_above_the_rim_count_the_side_of_the_lake_alone(
     assert 300 < frame["volume_m3"][13.0] < 400
     assert "runs over its rim at 11.500 m, at 500009.5, 4399982.5: levels above" in caplog.text
     assert any("a rim that is raised would hold" in text for text in found.not_looked_at())
+
+
+def test_a_lake_at_the_edge_is_open_from_its_level_on(caplog: pytest.LogCaptureFixture) -> None:
+    """The first row said it was not, as heights of a raster have more digits than levels."""
+    heights = np.full((20, 20), 3.0, np.float32)
+    heights[5:15, :5] = np.float32(-0.26)
+    out = risen(heights, -0.26, (5, 15, 0, 5), step=0.5, highest=2.0)
+    assert "from -0.260 m on the water reaches the edge" in caplog.text
+    assert out.curve.frame["open"].all()
 
 
 def test_an_edge_that_the_lake_touches_hides_no_spill() -> None:

@@ -178,6 +178,10 @@ def test_a_river_is_laid_as_the_plane_through_its_vertices() -> None:
     assert (level.flattened.band()[8:12] == 9.0).all(), "a lake, whose vertices were not levelled"
     given = SurfaceFlattenWater(terrain=ground, water=Vector(frame), level=7.0).run()
     assert (given.flattened.band()[8:12] == 7.0).all()
+    assert given.laid.frame[["level", "slope"]].to_numpy().tolist() == [[7.0, 0.0]]
+    assert "Rivers among it are not level" not in given.in_words()
+    fallen = SurfaceFlattenWater(terrain=ground, water=Vector(frame)).run()
+    assert "Rivers among it are not level" in fallen.in_words()
 
 
 def test_a_given_level_is_that_of_all_water() -> None:

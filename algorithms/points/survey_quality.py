@@ -41,6 +41,7 @@ FEWEST = 3  # points of a strip in a cell, for a mean height
 LARGEST_RMS = 0.08  # metres: RMSDz where strips overlap, quality levels 1 and 2 (USGS 2024)
 ONE_SIDED = 0.1  # share of cells with ground of one strip alone; 0 to 0.07 in clean surveys
 FEWEST_CELLS = 10  # of them that are told
+ROUNDING = 1e-9  # of a number of steps: 19.6 / 0.7 is a little more than 28
 COPIES = 0.01  # share of points at the place of another that is told; rounding makes a few
 
 
@@ -81,7 +82,7 @@ class PointsSurveyQuality:
         default=None,
         unit="m",
         gt=0,
-        le=100,
+        le=10_000,
         label="Multiple of",
     )
     ignore: ClassList | None = parameters.ignore()
@@ -246,7 +247,7 @@ class PointsSurveyQuality:
         if cell == "auto":
             cell = suitable_cell(xyz[taken.first] / metre) * metre
             if step := self.multiple_of:
-                cell = step * math.ceil(cell / step)
+                cell = step * math.ceil(cell / step * (1 - ROUNDING))
         return Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), float(cell))
 
 

@@ -42,8 +42,8 @@ def ignore() -> Any:
 def keep_classes() -> Any:
     """Declare the classes that a classifier leaves as they are: ``ClassList | None``."""
     return param(
-        "Classes that stay: structures (13-17, 19, 26) and 9-11 in any case, "
-        "others unless they are ground",
+        "Classes that stay: of them, structures (13-17, 19, 26) and 9-11 in any case, "
+        "others unless ground",
         default=ClassList([*SURFACES, *STRUCTURES]),
         label="Classes that stay",
     )

@@ -4,9 +4,11 @@ Each polygon is raised from the ground to the mean height of its roof: attribute
 `mean`, or else `eave`, `ridge`, or `height` above the ground. Corners are rounded to thousandths of
 the unit.
 
-Polygons with the attribute `building` are parts of the building of that name: level of detail 1.3.
-A building of several has no block of its own, but one for each of its parts, and the attributes in
-which these agree. Its height is their `building_height`, or else that of the highest part.
+Polygons that all have the attributes `id`, `building`, `points` and `cut` are parts of the building
+of that name, as :mod:`algorithms.classify.buildings` finds them: level of detail 1.3. A building of
+several has no block of its own, but one for each of its parts, and the attributes in which these
+agree; its height is their `building_height`, or else that of the highest part. An attribute
+`building` alone tells no parts: in OpenStreetMap it is `yes` or `house`.
 
 References
 ----------
@@ -40,6 +42,7 @@ GROUND, TOPS, HEIGHT = "ground", ("mean", "eave", "ridge"), "height"
 ID, RIDGE, FORM = "id", "ridge", "form"
 WHOLE = "building"  # of which a polygon is a part
 WHOLE_HEIGHT = "building_height"
+PART = ("id", WHOLE, "points", "cut")  # what all polygons have if they are parts
 _SCALE = 0.001
 _APART = 0.01  # in the unit of the data: between a hole and the ring that it touches
 _SURFACES = ({"type": "GroundSurface"}, {"type": "RoofSurface"}, {"type": "WallSurface"})
@@ -62,7 +65,7 @@ def write(
     """
     places = _Places(frame)
     metre = 1.0 if frame.crs is None else 1 / metres_per_height(frame.crs)
-    lod = "1.3" if WHOLE in frame else "1.2"
+    lod = "1.3" if _are_parts(frame) else "1.2"
     objects: dict[str, Any] = {}
     names = [str(name) for name in frame.columns if name != frame.geometry.name]
     rows = frame[names].to_dict("records")
@@ -76,7 +79,7 @@ def write(
                 "attributes": _attributes(values, metre),
                 "geometry": [_geometry(solids, lod)],
             }
-    if WHOLE in frame:
+    if _are_parts(frame):
         objects = _with_parents(objects, metre)
     model: dict[str, Any] = {"type": "CityJSON", "version": "2.0"}
     model["transform"] = {"scale": [_SCALE] * 3, "translate": places.origin.tolist()}
@@ -85,9 +88,14 @@ def write(
     path.write_text(json.dumps(model, ensure_ascii=False, default=_plain) + "\n", encoding="utf-8")
 
 
+def _are_parts(frame: geopandas.GeoDataFrame) -> bool:
+    """Whether the polygons are parts of buildings: all of them say of which."""
+    return set(PART) <= set(frame.columns) and bool(frame[list(PART)].notna().all(axis=None))
+
+
 def _keys(frame: geopandas.GeoDataFrame) -> list[str]:
     """What the blocks are called: by their own ids if these tell them apart, else by number."""
-    kind = "part" if WHOLE in frame else "building"
+    kind = "part" if _are_parts(frame) else "building"
     if ID in frame and frame[ID].notna().all() and frame[ID].astype(str).is_unique:
         return [f"{kind}-{name}" for name in frame[ID]]
     return [f"{kind}-{number}" for number in range(1, len(frame) + 1)]

@@ -104,13 +104,28 @@ def parse_crs(text: str) -> CRS:
     if not (_CODE.fullmatch(text) or "[" in text):
         raise ValueError(f"{text!r} is not a CRS; {_FORMS}")
     try:
-        crs = CRS.from_user_input(text)
+        crs = _read(text)
     except CRSError as error:
         why = _no_heights(text) or f"{text!r} is not a CRS that PROJ knows"
         raise ValueError(f"{why}; {_FORMS}") from error
     if crs.is_vertical and not crs.is_compound:
         raise ValueError(f"{text!r} is a height system alone ({crs.name}); {_FORMS}")
     return crs
+
+
+def _read(text: str) -> CRS:
+    """The CRS of a text; heights of EPSG may stand behind a code of ESRI without their authority.
+
+    >>> _read("ESRI:102008+5703") == _read("ESRI:102008+EPSG:5703")
+    True
+    """
+    try:
+        return CRS.from_user_input(text)
+    except CRSError:
+        plane, _, code = text.partition("+")
+        if plane.upper().startswith("ESRI:") and code.isdigit():
+            return CRS.from_user_input(f"{plane}+EPSG:{code}")
+        raise
 
 
 def _no_heights(text: str) -> str:

@@ -139,13 +139,15 @@ def tell_missing(writes: Mapping[str, Target]) -> None:
 
 def tell_heights(crs: CRS | None) -> None:
     """Warn that nobody knows what the heights of a set are measured from, and how to say it."""
-    if crs is not None and height_system(crs) == NOT_STATED:
-        log.warning(
-            "the data state no height system, so no height of the set can be compared with a "
-            "gauge, a map or another survey; where you know it, give it with the CRS, such as "
-            "assume_crs %s, or for good with points.assign_crs",
-            f"{crs_text(crs)}+CODE" if "[" not in crs_text(crs) else "EPSG:2994+5703",
-        )
+    if crs is None or height_system(crs) != NOT_STATED:
+        return
+    code = crs_text(crs)
+    log.warning(
+        "the data state no height system, so no height of the set can be compared with a gauge, a "
+        "map or another survey; where you know it, give it with the CRS, such as assume_crs %s, or "
+        "for good with points.assign_crs",
+        f"{code}+EPSG:CODE" if "[" not in code else "'COMPOUNDCRS[...]' (WKT)",
+    )
 
 
 def _folder_problem(folder: Path) -> str | None:

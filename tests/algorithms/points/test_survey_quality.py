@@ -10,6 +10,7 @@ from pyproj import CRS
 
 import toolbox
 from algorithms.points.survey_quality import PointsSurveyQuality
+from toolbox import catalog
 from toolbox.data import PointCloud
 from toolbox.errors import NothingToDo
 
@@ -192,3 +193,15 @@ def test_cells_may_be_a_whole_number_of_those_of_another_raster() -> None:
     assert found.cell == pytest.approx(3 * step), "not less than four spacings"
     for edge in (found.bounds[0], found.bounds[3]):
         assert edge / step == pytest.approx(round(edge / step))
+
+
+def test_cells_may_be_those_of_the_widest_raster_of_a_terrain() -> None:
+    """Sets of a terrain with cells of more than 100 m were refused."""
+    widest = catalog.describe("models.terrain")["inputs"]["cell"]["schema"]["maximum"]
+    assert quality(strip(1, 0, 40), multiple_of=widest).density.cell == widest
+
+
+def test_a_whole_number_of_cells_is_no_more_by_rounding(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("algorithms.points.survey_quality.suitable_cell", lambda _: 19.6)
+    found = quality(strip(1, 0, 40), multiple_of=0.7).density
+    assert found.cell == pytest.approx(28 * 0.7), "19.6 / 0.7 is 28.000000000000004"

@@ -14,7 +14,9 @@ import pytest
 import shapely
 from pyproj import CRS
 
+from algorithms.classify._columns import BUILDINGS, PARTS
 from toolbox.data import Vector
+from toolbox.data.cityjson import PART
 from toolbox.errors import DataError
 
 RD = CRS("EPSG:28992+5709")
@@ -250,6 +252,7 @@ def test_parts_are_those_of_their_building(tmp_path: Path) -> None:
     wing, tower = shapely.box(0, 0, 20, 8), shapely.box(20, -4, 30, 12)
     frame = town(wing, tower, LONE, ridge=9.0, form="flat").frame
     frame["id"], frame["building"] = ["w", "t", "l"], ["12_4", "12_4", "l"]
+    frame["points"], frame["cut"] = 100, False
     frame.loc[1, ["mean", "ridge"]] = 31.0, 32.0
     model = saved(Vector(frame), tmp_path)
     assert problems(model) == []
@@ -278,7 +281,31 @@ def test_a_building_has_the_height_of_its_outline(metre: float, tmp_path: Path) 
     crs = None if metre == 1 else "EPSG:2263+6360"
     frame = town(shapely.box(0, 0, 20, 8), shapely.box(20, -4, 30, 12), ridge=9.0).frame
     frame = frame.assign(id=["a", "b"], building="c", building_height=9.5 * metre)
+    frame = frame.assign(points=100, cut=False)
     frame = frame.set_crs(crs, allow_override=True)
     objects = saved(Vector(frame), tmp_path)["CityObjects"]
     assert objects["building-c"]["attributes"]["measuredHeight"] == pytest.approx(9.5)
     assert objects["part-a"]["attributes"]["measuredHeight"] == pytest.approx(8 / metre, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("more", "building"),
+    [
+        ({}, ["yes", "yes", "house"]),  # OpenStreetMap
+        ({"points": 100, "cut": False}, ["w", "w", None]),
+    ],
+)
+def test_an_attribute_building_alone_tells_no_parts(
+    more: dict[str, Any], building: list[str | None], tmp_path: Path
+) -> None:
+    """Houses of OpenStreetMap 100 m apart were parts of a building called yes."""
+    shapes = [shapely.box(x, 0, x + 10, 8) for x in (0, 100, 200)]
+    frame = town(*shapes).frame.assign(id=["a", "b", "c"], building=building, **more)
+    objects = saved(Vector(frame), tmp_path)["CityObjects"]
+    assert list(objects) == ["building-a", "building-b", "building-c"]
+    assert {(o["type"], o["geometry"][0]["lod"]) for o in objects.values()} == {("Building", "1.2")}
+
+
+def test_what_parts_have_is_what_they_are_found_with() -> None:
+    assert set(PART) <= set(PARTS)
+    assert not set(PART) <= set(BUILDINGS)

@@ -94,6 +94,14 @@ def test_the_part_that_is_no_height_system_is_named(text: str, says: str) -> Non
         parse_crs(text)
 
 
+def test_heights_behind_a_code_of_esri_may_be_of_epsg() -> None:
+    """ESRI has no 5703, so the digits alone were refused; its own heights stay its own."""
+    assert parse_crs("ESRI:102008+5703") == parse_crs("ESRI:102008+EPSG:5703")
+    assert parse_crs("ESRI:102008+115700") == CRS("ESRI:102008+115700")
+    with pytest.raises(ValueError, match="PROJ knows no height system 99999"):
+        parse_crs("ESRI:102008+99999")
+
+
 def test_a_height_system_is_assumed_of_what_states_its_plane_alone() -> None:
     """Data with a CRS and without a datum of heights needed a run of its own to get one."""
     plane, whole = CRS(2154), CRS("EPSG:2154+5720")

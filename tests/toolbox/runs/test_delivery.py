@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from pyproj import CRS
+from pyproj.crs import CompoundCRS
 
 import toolbox
 from toolbox import catalog
@@ -21,10 +23,10 @@ from toolbox.cli.main import main
 from toolbox.cli.replay import replay
 from toolbox.context import Context
 from toolbox.data import PointCloud, Raster, Table, Vector
-from toolbox.data.crs import parse_crs
+from toolbox.data.crs import assumed, crs_text, parse_crs
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import Model, ModelRun, run_tool
-from toolbox.runs import sealed
+from toolbox.runs import delivery, sealed
 from toolbox.tiles.tiling import Tiling
 
 MODEL = """
@@ -706,7 +708,7 @@ def test_heights_of_a_set_that_are_measured_from_nothing_known_are_told(
     """A level that no gauge can be compared with was handed over without a word."""
     toolbox.run(model, {"points": points, "deliver": tmp_path / "a"})
     assert "the data state no height system" in caplog.text
-    assert "assume_crs EPSG:32635+CODE" in caplog.text
+    assert "assume_crs EPSG:32635+EPSG:CODE" in caplog.text
     caplog.clear()
     said = {"assume_crs": "EPSG:32635+5773"}
     toolbox.run(model, {"points": points, "deliver": tmp_path / "b"}, **said)
@@ -715,3 +717,23 @@ def test_heights_of_a_set_that_are_measured_from_nothing_known_are_told(
     caplog.clear()
     toolbox.run(model, {"points": points, "surface": tmp_path / "s.tif"})
     assert "no height system" not in caplog.text, "nothing is handed over"
+
+
+@pytest.mark.parametrize(
+    ("crs", "advice"),
+    [
+        (CRS("ESRI:102008"), "assume_crs ESRI:102008+EPSG:CODE"),
+        (CRS("+proj=tmerc +lon_0=33.3 +x_0=500000"), "assume_crs 'COMPOUNDCRS[...]' (WKT)"),
+    ],
+)
+def test_the_advice_on_heights_fits_the_crs(
+    crs: CRS, advice: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """CRS without a code were told one that had nothing to do with them."""
+    delivery.tell_heights(crs)
+    assert advice in caplog.text
+    wkt = CompoundCRS("with heights", [crs, CRS("EPSG:5703")]).to_wkt()
+    followed = f"{crs_text(crs)}+EPSG:5703" if "CODE" in advice else wkt
+    caplog.clear()
+    delivery.tell_heights(assumed(crs, followed))
+    assert caplog.text == ""

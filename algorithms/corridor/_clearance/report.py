@@ -304,7 +304,7 @@ def too_high(rules: Sequence[Rule], line: LineStates) -> str:
         return ""
     altitude = min(rule.altitude for rule in low)
     return (
-        f"the wires are up to {line.highest:.0f} m high, and the distances required "
+        f"the wires reach {line.highest:.0f} m above the sea, and the distances required "
         f"({_distances(low)}) hold up to {altitude:.0f} m above the sea: the regulation asks for "
         "more higher up; give its distances there as a table of your own"
     )

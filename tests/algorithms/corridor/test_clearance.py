@@ -226,7 +226,7 @@ def test_distances_that_do_not_hold_so_high_above_the_sea_are_told(
     text = "(tree 5 m) hold up to 30 m above the sea"
     assert (text in caplog.text) == told
     blocks = next(s.blocks for s in found["report"].sections if s.title == "Distances required")
-    assert any("The wires are up to 52 m high" in str(block) for block in blocks) == told
+    assert any("The wires reach 52 m above the sea" in str(block) for block in blocks) == told
 
 
 def test_a_swing_that_was_not_looked_for_is_empty() -> None:

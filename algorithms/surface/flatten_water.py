@@ -124,6 +124,12 @@ class SurfaceFlattenWater:
                     f"The water is level; {self.raised} cells of the shore were lower, and raised "
                     f"to it by at most {self.largest_raise / metres:.2f} {unit}."
                 )
+            rows = self.laid.frame.to_dict("records")
+            if known := sum(row.get(EVIDENCE) == "known" for row in rows):
+                words += (
+                    f" Water bodies that were given as known: {known}; what is said of waters that "
+                    "were found, and of their shores, is without these."
+                )
             if self._falls():
                 words += " Rivers among it are not level: they fall downstream."
             if self.filled:

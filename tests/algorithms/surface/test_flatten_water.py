@@ -228,6 +228,7 @@ def test_known_water_is_laid_beside_what_was_found(caplog: pytest.LogCaptureFixt
     assert (np.diff(z) <= 0).all(), "a river does not rise on its way"
     assert made.bodies == 3
     assert made.laid.frame["evidence"].tolist()[1:] == ["known", "known"]
+    assert "given as known: 2;" in made.in_words()
     assert len(caplog.records) == 1
     assert "2 known waters lie more than 1 m below the ground that was there" in caplog.text
     level = SurfaceFlattenWater(terrain=ground, water=found, known=layer(pool, level=[6.5])).run()

@@ -129,18 +129,18 @@ def said(
 def _in_order_of_results(spec: Spec, told: Sequence[tuple[str, str]]) -> list[str]:
     """What the steps of a model say: first those whose results are the first among its own.
 
-    Those that only prepare others come last, in the order of the run. Of these, one whose output
-    has the name of a result, such as points classified anew by a later step, says nothing.
+    Those that only prepare others come last, in the order of the run. Of these, one whose points
+    are classified anew by a later step says nothing.
     """
     named = [name for linked in getattr(spec, "returns", {}).values() for name in linked.names]
-    steps, outputs = (
-        zip(*(name.split(".", 1) for name in named), strict=True) if named else ((), ())
-    )
+    steps = [name.partition(".")[0] for name in named]
+    points = [name for name in named if spec.between[name].kind.word == "PointCloud"]
+    anew = {name.partition(".")[2] for name in points}
     places = {step: place for place, step in reversed(list(enumerate(steps)))}
     last = [
         (step, text)
         for step, text in told
-        if step in places or not any(f"{step}.{output}" in spec.between for output in outputs)
+        if step in places or not any(f"{step}.{output}" in spec.between for output in anew)
     ]
     return [text for _, text in sorted(last, key=lambda one: places.get(one[0], len(steps)))]
 

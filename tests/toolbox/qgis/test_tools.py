@@ -81,7 +81,9 @@ def test_help_tells_of_every_box_and_result() -> None:
 
 
 def test_columns_have_headings_units_and_digits_as_files_hold_them() -> None:
-    (outlines,) = [o for o in tool(catalog.load("classify.buildings"))["outputs"] if "columns" in o]
+    outlines = next(
+        o for o in tool(catalog.load("classify.buildings"))["outputs"] if o["name"] == "outlines"
+    )
     assert outlines["columns"]["area"] == ["Area", "unit²", 1]
     objects = next(
         o for o in tool(catalog.load("corridor.clearance"))["outputs"] if o["name"] == "objects"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -26,6 +26,9 @@ from toolbox.data import Lattice, Raster, Vector
 from toolbox.data.crs import unit_of_heights
 from toolbox.declare import outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    import geopandas
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -176,13 +179,15 @@ class SurfaceFlattenWater:
         lattice = Lattice.of(self.terrain)
         east, north = lattice.centres()
         reach = math.ceil(self.shore / lattice.cell)
-        found = [(surface, *cells_within(shape, lattice)) for shape, surface in self._bodies()]
-        known = [
-            (surface, *cells_within(shape, lattice)) for shape, surface in self._known_bodies()
-        ]
+        found, known = (
+            [(surface, *cells_within(shape, lattice)) for shape, surface in _surfaces(layer, name)]
+            if layer
+            else []
+            for layer, name in ((self._found, "water"), (self.known, "known"))
+        )
         bodies = found + known
         there = [body for body in bodies if len(body[1])]
-        self._tell_deep(known)
+        self._tell_deep(known, before, lattice)
         wet = np.zeros(heights.shape, bool)
         for _, rows, cols in there:
             wet[rows, cols] = True
@@ -247,11 +252,12 @@ class SurfaceFlattenWater:
                 north[row],
             )
 
-    def _tell_deep(self, bodies: Sequence[tuple[Surface, Any, Any]]) -> None:
+    def _tell_deep(
+        self, bodies: Sequence[tuple[Surface, Any, Any]], heights: Array, lattice: Lattice
+    ) -> None:
         """Log where water is far below the ground that was there: its level may be wrong."""
         unit, metres = unit_of_heights(self.terrain.crs) or ("m", 1.0)
-        east, north = Lattice.of(self.terrain).centres()
-        heights, deep = self.terrain.band(), [0.0]
+        (east, north), deep = lattice.centres(), [0.0]
         for surface, rows, cols in bodies:
             below = heights[rows, cols] - surface(east[cols], north[rows])
             if np.isfinite(below).any() and np.nanmedian(below) * metres > NO_SHORE:
@@ -282,11 +288,19 @@ class SurfaceFlattenWater:
 
     @cached_property
     def _found(self) -> Vector:
-        """The water that was found, without what is known of it or to be another one."""
-        if not self.known or not len(self.water):
-            return self.water
-        found = self.water.frame
-        every = shapely.union_all(shapely.force_2d(self.known.frame.geometry.to_numpy()))
+        """The water that was found, at the given level, without what is known to be another one."""
+        found, kind = self.water.frame, self.water.geometry_type
+        if self.level is not None:
+            found = found.assign(**{LEVEL: self.level, SLOPE: 0.0})
+        if self.known and len(found):
+            found, kind = self._without_known(found, self.known.frame), "Polygon Z"
+        return Vector(found, name=self.water.name, geometry_type=kind)
+
+    def _without_known(
+        self, found: geopandas.GeoDataFrame, known: geopandas.GeoDataFrame
+    ) -> geopandas.GeoDataFrame:
+        """The found waters without those that are mostly known ones, and without parts of these."""
+        every = shapely.union_all(shapely.force_2d(known.geometry.to_numpy()))
         shapes = found.geometry.to_numpy()
         shared = shapely.area(shapely.intersection(shapes, every))
         gone = shared > COVERED * shapely.area(shapes)
@@ -300,50 +314,29 @@ class SurfaceFlattenWater:
                 np.count_nonzero(cut),
             )
         rest = found.set_geometry(np.where(cut, shapely.difference(shapes, every), shapes))
-        return Vector(rest[~gone], name=self.water.name, geometry_type="Polygon Z")
+        return rest[~gone]
 
     @cached_property
     def _laid(self) -> Vector:
         """The water that is laid: what was found, and what is known."""
-        found = self._found
-        if self.level is not None:
-            frame = found.frame.assign(**{LEVEL: self.level, SLOPE: 0.0})
-            found = Vector(frame, name=found.name, geometry_type=found.geometry_type)
         if not self.known:
-            return found
-        return Vector.concat([found, Vector(self.known.frame.assign(**{EVIDENCE: "known"}))])
-
-    def _bodies(self) -> Iterator[tuple[shapely.Polygon, Surface]]:
-        """The polygons that were found, with the surface of each, in the unit of the heights."""
-        yield from _surfaces(self._found, "water", self.level)
-
-    def _known_bodies(self) -> Iterator[tuple[shapely.Polygon, Surface]]:
-        """Those that are known, which are laid as they are."""
-        if self.known:
-            yield from _surfaces(self.known, "known", None)
+            return self._found
+        return Vector.concat([self._found, Vector(self.known.frame.assign(**{EVIDENCE: "known"}))])
 
 
-def _surfaces(
-    layer: Vector, name: str, level: float | None
-) -> Iterator[tuple[shapely.Polygon, Surface]]:
-    """The polygons of a layer, with the surface of each."""
+def _surfaces(layer: Vector, name: str) -> Iterator[tuple[shapely.Polygon, Surface]]:
+    """The polygons of a layer, with the surface of each, in the unit of the heights."""
     for number in range(len(layer)):
         row = layer.frame.iloc[number]
         for shape in polygons(Vector(layer.frame.iloc[[number]], name=layer.name), name):
-            yield shape, _surface_of(row, shape, level, name)
+            yield shape, _surface_of(row, shape, name)
 
 
-def _surface_of(row: Any, shape: shapely.Polygon, level: float | None, name: str) -> Surface:
-    """The surface of a polygon by its attributes, or by the heights of its vertices.
-
-    Parameters
-    ----------
-    level : of all water, in place of these
-    """
-    own = _number(row.get(LEVEL)) if level is None else level
-    falls = level is None and _number(row.get(SLOPE)) > 0
-    if math.isfinite(own) and not (falls and shape.has_z):
-        return lambda x, y: np.full(np.broadcast(x, y).shape, own)
+def _surface_of(row: Any, shape: shapely.Polygon, name: str) -> Surface:
+    """The surface of a polygon by its attributes, or by the heights of its vertices."""
+    level = _number(row.get(LEVEL))
+    if math.isfinite(level) and not (_number(row.get(SLOPE)) > 0 and shape.has_z):
+        return lambda x, y: np.full(np.broadcast(x, y).shape, level)
     corners = shapely.get_coordinates(shape, include_z=True)
     if not np.isfinite(corners).all():
         raise DataError("surface.flatten_water", {name: "a polygon has no level"})

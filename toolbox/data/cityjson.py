@@ -65,11 +65,12 @@ def write(
     """
     places = _Places(frame)
     metre = 1.0 if frame.crs is None else 1 / metres_per_height(frame.crs)
-    lod = "1.3" if _are_parts(frame) else "1.2"
+    are_parts = _are_parts(frame)
+    lod, kind = ("1.3", "part") if are_parts else ("1.2", "building")
     objects: dict[str, Any] = {}
     names = [str(name) for name in frame.columns if name != frame.geometry.name]
     rows = frame[names].to_dict("records")
-    for key, shape, values in zip(_keys(frame), frame.geometry, rows, strict=True):
+    for key, shape, values in zip(_keys(frame, kind), frame.geometry, rows, strict=True):
         low, high = heights_of(values, path)
         made = (places.solid(part, low, high) for part in _polygons(shape, path))
         solids = [solid for solid in made if solid]
@@ -79,7 +80,7 @@ def write(
                 "attributes": _attributes(values, metre),
                 "geometry": [_geometry(solids, lod)],
             }
-    if _are_parts(frame):
+    if are_parts:
         objects = _with_parents(objects, metre)
     model: dict[str, Any] = {"type": "CityJSON", "version": "2.0"}
     model["transform"] = {"scale": [_SCALE] * 3, "translate": places.origin.tolist()}
@@ -93,9 +94,8 @@ def _are_parts(frame: geopandas.GeoDataFrame) -> bool:
     return set(PART) <= set(frame.columns) and bool(frame[list(PART)].notna().all(axis=None))
 
 
-def _keys(frame: geopandas.GeoDataFrame) -> list[str]:
+def _keys(frame: geopandas.GeoDataFrame, kind: str) -> list[str]:
     """What the blocks are called: by their own ids if these tell them apart, else by number."""
-    kind = "part" if _are_parts(frame) else "building"
     if ID in frame and frame[ID].notna().all() and frame[ID].astype(str).is_unique:
         return [f"{kind}-{name}" for name in frame[ID]]
     return [f"{kind}-{number}" for number in range(1, len(frame) + 1)]

@@ -19,7 +19,7 @@ def without_spikes(shapes: Shapes, width: float) -> Shapes:
     return np.asarray(shapely.get_parts(shapely.buffer(core, width / 2, join_style="mitre")))
 
 
-def margin(density: float, alpha: float) -> float:
+def margin(density: Any, alpha: float) -> Any:
     """Mean distance by which a straight edge lies outside the alpha shape of points along it.
 
     Between two points that it touches, a disc of radius r sinks in by h = l^2 / (8 r) for a chord
@@ -37,7 +37,7 @@ def margin(density: float, alpha: float) -> float:
     Zeitschrift für Wahrscheinlichkeitstheorie 2, 75-84: how far inside of an edge hulls of points
     stay.
     """
-    return float((density * np.sqrt(8 * alpha)) ** (-2 / 3))
+    return (density * np.sqrt(8 * alpha)) ** (-2 / 3)
 
 
 def name_of(outline: Any) -> str:

@@ -28,16 +28,16 @@ from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify import _trees_kernels as kernels
 from algorithms.classify._density import Lengths
-from algorithms.classify._outlines import margin, name_of
+from algorithms.classify._outlines import Shapes, margin, name_of
 from algorithms.shared import parameters
-from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.alpha_shape import alpha_shapes_of_groups
 from algorithms.shared.data_edge import cut
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
 from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
-from toolbox.errors import DataError, NothingToDo
+from toolbox.errors import NothingToDo
 
 CELL, BY_SPACING = 0.5, np.sqrt(2.0)  # metres, and times the spacing where points are sparse:
 # two points in a cell, so that hardly any is empty
@@ -200,11 +200,11 @@ class ClassifyTrees:
     ) -> Iterator[dict[str, Any]]:
         """Attributes, top and crown of each tree."""
         cloud, core = self.points, self.points.core  # of all points, which takes time to make
-        order = np.lexsort((-height[some], tree))
-        ends = np.flatnonzero(np.diff(tree[order], append=-1)) + 1
-        for done, own in enumerate(np.split(some[order], ends[:-1])):
-            ctx.progress(done / len(ends))
-            crown = outline(cloud.xyz[own, :2], lengths.alpha)
+        number = np.unique(tree, return_inverse=True)[1]
+        crowns = outlines(cloud.xyz[some, :2], number, lengths.alpha, ctx)
+        order = np.lexsort((-height[some], number))
+        ends = np.cumsum(np.bincount(number))[:-1]
+        for crown, own in zip(crowns, np.split(some[order], ends), strict=True):
             if crown is None or crown.area < self.min_crown:
                 continue
             x, y, z = cloud.xyz[own[0]]
@@ -268,15 +268,22 @@ def trees(xyz: Floats, height: Floats, *, cell: float, smooth: float, prominence
     return np.asarray(parent[row * canopy.shape[1] + col])
 
 
-def outline(xy: Floats, alpha: float) -> Any:
-    """Outline of a crown with points of shape (n, 2): none if they are too few.
+def outlines(xy: Floats, tree: Ints, alpha: float, ctx: Context = QUIET) -> Shapes:
+    """Outline of each crown: none if its points are too few.
 
     It runs as far outside of the largest region of their alpha shape as edges do on average.
+
+    Parameters
+    ----------
+    xy : array of shape (n, 2)
+    tree : the tree of each point, array of shape (n,), 0, 1, ...
+    alpha : of the alpha shapes
+    ctx : progress and cancellation
     """
-    try:
-        shapes = alpha_shape(xy, alpha, hole_threshold=np.inf).polygons
-    except DataError:  # too few points, or all in one line
-        return None
-    if not len(shapes):
-        return None
-    return shapes[0].buffer(margin(len(xy) / shapes[0].area, alpha), quad_segs=2)
+    count = np.bincount(tree)
+    crowns = np.full(len(count), None, object)
+    shapes, groups = alpha_shapes_of_groups(xy, tree, alpha, ctx=ctx)
+    some, largest = np.unique(groups, return_index=True)
+    density = count[some] / shapely.area(shapes[largest])
+    crowns[some] = shapely.buffer(shapes[largest], margin(density, alpha), quad_segs=2)
+    return crowns

@@ -16,6 +16,7 @@ Graphics 13(1), 43-72: the shape as a part of the Delaunay triangulation.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from algorithms.shared.delaunay import Mesh, triangulate
 from algorithms.shared.kernels import alpha_shape as kernels
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
+from toolbox.errors import DataError
 
 BLOCK = 500_000  # triangles between two checks for cancellation
 ROUNDING = 1e-9  # share of a radius; circles that differ by less are taken for equal
@@ -107,9 +109,65 @@ def alpha_shape(
     ctx.progress(0.85)
     kept = _trimmed(mesh, radii <= chosen * (1 + ROUNDING), hole_threshold, region_threshold)
     ctx.progress(0.95)
-    polygons, points = _outlined(mesh, kept)
+    polygons, points, _ = _outlined(mesh, kept)
     ctx.progress(1.0)
     return AlphaShape(polygons, points, chosen, float(radii.min()))
+
+
+def alpha_shapes_of_groups(
+    xy: Floats, group: NDArray[np.int64], alpha: float, *, ctx: Context = QUIET
+) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """Alpha shapes of many groups of points, each without its holes, by one triangulation.
+
+    The groups are laid out so far apart that no disc of radius alpha reaches two of them: so each
+    has the shape that :func:`alpha_shape` gives it alone, without the cost of a call.
+
+    Parameters
+    ----------
+    xy : array of shape (n, 2)
+    group : array of shape (n,), the group of each point, 0, 1, ...
+    alpha : as for :func:`alpha_shape`; a finite number
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    polygons : array of shape (r,), the regions of all groups, the largest first
+    groups : array of shape (r,), the group of each. One whose points are too few, on one line or
+        too far apart has none.
+
+    Raises
+    ------
+    ValueError
+        See :func:`algorithms.shared.delaunay.triangulate`.
+
+    Examples
+    --------
+    >>> xy = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [2, 0], [0, 2.0]])
+    >>> polygons, groups = alpha_shapes_of_groups(xy, np.array([0, 0, 0, 1, 1, 1]), 2.0)
+    >>> [polygon.area for polygon in polygons], groups.tolist()
+    ([2.0, 0.5], [1, 0])
+    """
+    try:
+        mesh = triangulate(_laid_out(xy, group, 3 * alpha), ctx=ctx.part(0, 0.7))
+    except DataError:  # hardly any points
+        return np.empty(0, object), np.empty(0, np.int64)
+    inside = circumradii(mesh, ctx=ctx.part(0.7, 0.75)) <= alpha * (1 + ROUNDING)
+    kept = _trimmed(mesh, inside, np.inf, 0.0)
+    polygons, _, corners = _outlined(replace(mesh, xy=xy), kept)  # drawn where they were
+    ctx.progress(1.0)
+    return polygons, group[corners]
+
+
+def _laid_out(xy: Floats, group: NDArray[np.int64], apart: float) -> Floats:
+    """The points with each group in a square of its own, the squares in rows, so far apart."""
+    count = int(group.max()) + 1
+    low = np.full((count, 2), np.inf)
+    np.minimum.at(low, group, xy)
+    moved = xy - low[group]
+    number = np.arange(count)
+    across = int(np.ceil(np.sqrt(count)))
+    places = np.column_stack([number % across, number // across])
+    return np.asarray(moved + (moved.max() + apart) * places[group])
 
 
 def critical_alpha(mesh: Mesh, radii: Floats, rule: Rule) -> float:
@@ -178,12 +236,12 @@ def _small_patches(mesh: Mesh, kept: Mask, threshold: float) -> tuple[Mask, Mask
     return small[patch], rim[patch]
 
 
-def _outlined(mesh: Mesh, kept: Mask) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """Polygons around the kept triangles, the largest first, and the points in each."""
+def _outlined(mesh: Mesh, kept: Mask) -> tuple[NDArray[Any], NDArray[np.int64], Ints]:
+    """Polygons around the kept triangles, the largest first; the points in each, and a corner."""
     import shapely
 
     if not kept.any():
-        return np.empty(0, object), np.empty(0, np.int64)
+        return np.empty(0, object), np.empty(0, np.int64), np.empty(0, np.int32)
     patch, count = kernels.patches(mesh.neighbours, kept)
     corners, ends, facets, twice = kernels.trace(
         mesh.xy, mesh.triangles, mesh.neighbours, kept, kernels.count_rim(mesh.neighbours, kept)
@@ -203,7 +261,8 @@ def _outlined(mesh: Mesh, kept: Mask) -> tuple[NDArray[Any], NDArray[np.int64]]:
     largest = np.lexsort((y[shell], x[shell], -shapely.area(polygons)))
     rank = np.full(count, -1, np.int32)
     rank[patches[largest]] = np.arange(len(patches))
-    return polygons[largest], _points_in(mesh, rank[patch], len(patches))
+    points = _points_in(mesh, rank[patch], len(patches))
+    return polygons[largest], points, corners[(ends - lengths)[shell[largest]]]
 
 
 def _points_in(mesh: Mesh, rank: Ints, count: int) -> NDArray[np.int64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from typing import Any
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, Delaunay
 
-from algorithms.shared.alpha_shape import AlphaShape, alpha_shape
+from algorithms.shared.alpha_shape import AlphaShape, alpha_shape, alpha_shapes_of_groups
 from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -264,3 +265,26 @@ def test_a_triangle_in_the_middle_of_a_hole_is_a_region_again() -> None:
     critical = alpha_shape(xy, "auto").alpha
     counts = [len(alpha_shape(xy, a).polygons) for a in (critical, 3.3, 99.0)]
     assert counts == [1, 2, 1]
+
+
+def test_groups_have_the_shapes_that_they_have_alone() -> None:
+    """Also those that overlap, touch or are too small, far from the origin."""
+    rng = np.random.default_rng(1)
+    xy = np.round(rng.random((3000, 2)) * [90, 60] + [634000.0, 4850000.0], 2)
+    group = rng.integers(0, 40, 3000)
+    group[:5] = [40, 40, 41, 42, 42]  # too few points
+    xy[5:9] = xy[5] + np.arange(4)[:, None] * [0.25, 0.5]  # on one line
+    group[5:9] = 43
+    polygons, groups = alpha_shapes_of_groups(xy, group, 6.0)
+    assert (np.diff(shapely.area(polygons)) <= 0).all()
+    for number in range(44):
+        alone = []
+        with contextlib.suppress(DataError):
+            alone = alpha_shape(xy[group == number], 6.0, hole_threshold=np.inf).polygons
+        here = polygons[groups == number]
+        assert len(here) == len(alone)
+        assert shapely.equals_exact(here, alone).all()
+
+
+def test_groups_without_a_triangle() -> None:
+    assert len(alpha_shapes_of_groups(np.zeros((2, 2)), np.array([0, 1]), 1.0)[0]) == 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
@@ -34,6 +36,7 @@ NARROW = 0.1  # metres to either side of a line: a scanned wall is so thin, and 
 SOME = 3  # points of ground in a square that is looked at: as many as make a plane
 DEEPEST = 200.0  # metres above the ground: beyond what two height systems differ by
 HALF, QUARTER = 0.5, 0.25  # a second layer has so many of the ground's points, and of all above it
+RISE = 0.5  # metres of height from one ground point to the next; see :func:`sparse_ground`
 TWICE = 1 / 3  # share of the squares; in real surveys 0.29 at most, with a half moved 0.39 at least
 
 Floats = NDArray[np.float64]
@@ -308,6 +311,63 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
         )
     if problem := two_surfaces(xyz, ground, squares, metre):
         log.warning("%s", problem)
+    if problem := sparse_ground(xyz, ground, metre):
+        log.warning("%s", problem)
+
+
+def sparse_ground(xyz: Floats, ground: Mask, metre: float) -> str | None:
+    """Whether ground rises too much from point to point to be told from objects, as a clause.
+
+    What rises by as much as low objects are high between two points may be either. Of eight ISPRS
+    samples and two American surveys, thinned to a half to a fiftieth, :data:`RISE` parts those in
+    which `ground.classify` loses 3 to 50 % of the ground from those in which it loses less than
+    7 %, and mostly less than 2 %.
+
+    Parameters are those of :func:`hidden_share`.
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 0.2 * x] for x in range(40) for y in range(40)], float)
+    >>> sparse_ground(xyz, np.ones(1600, bool), 1.0) is None
+    True
+    >>> print(sparse_ground(4 * xyz, np.ones(1600, bool), 1.0).partition(":")[0])
+    the ground points lie some 4.1 m apart, and rise 0.8 m over that
+    """
+    if not ground.any():
+        return None
+    spacing, rise = spacing_and_rise(xyz, ground, metre)
+    if rise <= RISE:
+        return None
+    return (
+        f"the ground points lie some {spacing:.1f} m apart, and rise {rise:.1f} m over that: what "
+        "rises so much from one point to the next may be ground or an object, and edges and steep "
+        "places are probably missing in the ground; look at them, or take denser data"
+    )
+
+
+def spacing_and_rise(xyz: Floats, ground: Mask, metre: float) -> tuple[float, float]:
+    """Mean distance of ground points, and how far ground typically rises over it, in metres.
+
+    Heights are compared from cell to cell of about four points. Parameters are those of
+    :func:`hidden_share`.
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 0.3 * x + 0.4 * y] for x in range(40) for y in range(40)], float)
+    >>> [round(value, 1) for value in spacing_and_rise(xyz, np.ones(1600, bool), 1.0)]
+    [1.0, 0.5]
+    """
+    count = np.count_nonzero(ground)
+    spacing = math.sqrt(float(np.ptp(xyz[:, 0]) * np.ptp(xyz[:, 1])) / count)
+    for _ in range(2):  # once more, as the box of all points may be mostly empty
+        cell = 2 * spacing
+        cells, cols = _cells(xyz, cell)
+        places, number = _counted_through(cells)
+        counts, top = tops(number, ground, xyz, len(places))
+        held = counts > 0
+        spacing = cell * math.sqrt(np.count_nonzero(held) / count)
+    slope = _typical_slope(places[held], cols, top[held]) / cell
+    return spacing / metre, slope * spacing / metre
 
 
 def two_surfaces(

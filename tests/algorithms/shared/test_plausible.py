@@ -21,6 +21,7 @@ from algorithms.shared.plausible import (
     hidden_share,
     is_upright,
     second_layer,
+    sparse_ground,
     squares_of,
     tell_of_ground,
 )
@@ -270,3 +271,34 @@ def test_points_that_are_not_kept_make_no_second_survey() -> None:
     assert told is not None
     assert told == plausible.two_surveys(xyz[kept], 1.0)
     assert plausible.two_surveys(xyz, 1.0, np.zeros(len(xyz), bool)) is None
+
+
+@pytest.mark.parametrize("metre", [1.0, 1 / 0.3048])
+@pytest.mark.parametrize(("slope", "told"), [(0.09, False), (0.12, True)])
+def test_ground_that_rises_by_more_than_half_a_metre_from_point_to_point_is_told(
+    slope: float, told: bool, metre: float
+) -> None:
+    """4 m apart, beside houses that are not looked at; stray points do not make it sparser."""
+    xyz = plane(200.0, 4.0, jitter=1.0)
+    xyz[:, 2] = slope * (xyz[:, 0] - xyz[0, 0])
+    ground = np.random.default_rng(2).random(len(xyz)) < 0.8
+    xyz[~ground, 2] += 9.0
+    problem = sparse_ground(xyz * metre, ground, metre)
+    assert (problem is not None) == told
+    far = np.vstack([xyz, xyz[0] + np.array([4000.0, 3000.0, 0.0])])
+    assert (sparse_ground(far * metre, np.append(ground, True), metre) is not None) == told
+
+
+def test_only_ground_counts_where_points_are_sparse() -> None:
+    xyz = plane(200.0, 4.0, jitter=1.0)
+    xyz[:, 2] += np.random.default_rng(5).uniform(0, 9, len(xyz))
+    assert sparse_ground(xyz, np.zeros(len(xyz), bool), 1.0) is None
+
+
+@pytest.mark.parametrize("id", FILTERS)
+def test_filters_tell_of_sparse_ground(id: str, caplog: pytest.LogCaptureFixture) -> None:
+    """A hill with a point in 64 m2."""
+    xyz = plane(300.0, 8.0, jitter=2.0)
+    xyz[:, 2] += 15 * np.sin(xyz[:, 0] / 40) * np.sin(xyz[:, 1] / 40)
+    assert "m apart, and rise" in warned(caplog, id, xyz)
+    assert "m apart, and rise" not in warned(caplog, id, plane(300.0, 8.0, jitter=2.0))

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify._ndvi import chosen_threshold, named, ndvi
-from algorithms.shared.alignment import misfit
+from algorithms.shared.alignment import not_on
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import crs_conflict
@@ -127,8 +127,7 @@ class ClassifyNdvi:
                 yield "nir", f"the bands are called {called}; are nir and red swapped?"
         if text := crs_conflict(other.crs, self.image.crs, heights=False):
             yield "red_image", f"{named(other)} {text} of {named(self.image)}"
-        one, two = Lattice.of(self.image), Lattice.of(other)
-        if text := misfit(one, two) or ("" if one.shape == two.shape else "has not all the cells"):
+        if text := not_on(Lattice.of(self.image), Lattice.of(other)):
             yield "red_image", f"{named(other)} {text} of {named(self.image)}"
 
     def halo(self) -> float:

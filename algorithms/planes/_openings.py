@@ -14,8 +14,9 @@ from scipy.spatial import KDTree
 from algorithms.planes._columns import SIDES
 from algorithms.planes._gaps import Gap, gaps, in_grid
 from algorithms.planes._outlines import outline
-from algorithms.planes._relief import DEVIATION, Relief
+from algorithms.planes._relief import Relief
 from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.polygons import Polygons
 from toolbox.context import QUIET, Context
 
@@ -353,7 +354,7 @@ def _other_shade(shape: Any, inside: Ints, front: Relief, shades: Floats) -> boo
     if not beside.any():
         return False
     middle = np.median(shades[beside])
-    spread = DEVIATION * np.median(np.abs(shades[beside] - middle))
+    spread = NORMAL * np.median(np.abs(shades[beside] - middle))
     return bool(abs(np.median(shades[inside]) - middle) > OTHER * spread)
 
 

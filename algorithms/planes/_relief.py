@@ -22,11 +22,11 @@ from scipy.special import ndtr
 from algorithms.planes._fronts import Front
 from algorithms.planes._glass import MOSTLY, glass
 from algorithms.planes._outlines import View
+from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.windows import between
 
 PER_CELL = 4.0  # points of the wall in a square, about
 SIGMAS = 3.0  # standard deviations of a wall within which its points lie
-DEVIATION = 1.4826  # standard deviation over the median of the sizes of normal values
 HOLES = (0.05, 0.6)  # share of a panel that its openings take
 MUCH, OPEN = 0.1, 0.1  # shares of a front and of holes in it, of planes in one depth that are wall
 LIKE = 3.0  # standard deviations of the logarithm of intensity, within which a panel is wall
@@ -262,7 +262,7 @@ def _plane(
 def _robust(values: Floats) -> tuple[float, float]:
     """Median, and standard deviation from the median of the sizes."""
     middle = float(np.median(values))
-    return middle, DEVIATION * float(np.median(np.abs(values - middle)))
+    return middle, NORMAL * float(np.median(np.abs(values - middle)))
 
 
 def _size(uv: Floats, held: Mask, row: Ints, column: Ints) -> Floats:

@@ -20,6 +20,7 @@ from algorithms.planes import _search_kernels as kernels
 from algorithms.planes._cells import ROUNDING, SAME, Cells, sort_into_cells
 from algorithms.planes._cells_kernels import between_neighbours, steps_across
 from algorithms.planes._search import Patch, Rules, Search, plane_of
+from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.plane_fit import Plane, is_line
 from toolbox.context import QUIET, Context
@@ -36,7 +37,6 @@ FEW = 5_000  # points that tell how wide a plane is
 NEAR = 3.0  # distance of planes over the tolerance, if one may be the noise of the other
 ROUNDS = 20  # of a robust fit
 MOSTLY = 0.3  # share of the mean square of steps that is noise at least: with panes it is 0.5
-DEVIATION = 1.4826  # standard deviation over the median of the sizes of normal values
 BIWEIGHT = 4.685  # standard deviations beyond which points do not count: 95 % efficient
 SETTLED = 0.01  # change of distances over their spread, with which a fit is done
 PASSES = 4  # searches among the points that are left
@@ -155,7 +155,7 @@ def _if_joined(
             between = between_neighbours(some, *patch.plane[:3])
             if variance > SAME * between:
                 step = np.median(np.abs(steps_across(cells.xyz[part], *patch.plane[:3])))
-                least = (DEVIATION * float(step)) ** 2 / 2
+                least = (NORMAL * float(step)) ** 2 / 2
                 joined.append((least if least > MOSTLY * between else between, len(part)))
     variances, counts = np.array(joined).reshape(-1, 2).T
     if counts.sum() <= MUCH * sizes.sum():
@@ -325,7 +325,7 @@ def _fitted(xyz: Floats, part: Ints, patch: Patch, least: float) -> Patch:
     plane, middle, sums = patch.plane, some.mean(axis=0), np.empty(10)
     away = some @ plane[:3] - plane[3]
     for _ in range(ROUNDS):
-        spread = max(DEVIATION * float(np.median(np.abs(away))), least)
+        spread = max(NORMAL * float(np.median(np.abs(away))), least)
         kernels.weighted(xyz, part, plane, middle, BIWEIGHT * spread, sums)
         better = plane_of(sums, middle, plane[:3])
         if better is None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.kernels import neighbours as tree
 from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.sorting import median
 
 LOW, HIGH, ISOLATED = 7, 18, 1  # verdicts: ASPRS classes of noise, 1 to be decided; 0 is no noise
-MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
 
 @kernel
@@ -112,7 +112,7 @@ def judge(first, last, xyz, box, depth, points, around, mean, farthest, k, reach
         for j in range(found):
             values[j] = abs(mean[near[j]] - middle)
         usual = max(middle, near_by)
-        deviation = max(MAD * median(values[:found]), share * usual)
+        deviation = max(NORMAL * median(values[:found]), share * usual)
         if mean[own] - usual > threshold * deviation:
             verdict[own] = _side(xyz, own, near, values, found, plants)
 

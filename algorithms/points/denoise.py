@@ -25,6 +25,7 @@ from algorithms.points import _denoise_kernels as kernels
 from algorithms.points import _noise
 from algorithms.points._noise_bounds import lowest_around
 from algorithms.shared import parameters
+from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.ground import taking_part
 from algorithms.shared.kernels.sorting import stable
 from algorithms.shared.kernels.threads import side_by_side
@@ -340,7 +341,7 @@ def _beside_all(xyz: Floats, k: int, threshold: float, scope: Scope, ctx: Contex
         usual, deviation = ordered.mean(), ordered.std(ddof=1)
     else:
         usual = np.median(ordered)
-        deviation = kernels.MAD * np.median(np.abs(ordered - usual))
+        deviation = NORMAL * np.median(np.abs(ordered - usual))
     verdict = np.zeros(len(mean), np.uint8)
     found = np.flatnonzero(mean > usual + threshold * deviation)
     side_by_side(

@@ -32,6 +32,20 @@ def misfit(one: Lattice, other: Lattice) -> str | None:
     return None
 
 
+def not_on(one: Lattice, other: Lattice) -> str | None:
+    """The problem if another lattice does not have the very cells of one, or None; as `misfit`.
+
+    Examples
+    --------
+    >>> not_on(Lattice(0, 9, 1.0, 9, 9), Lattice(2, 9, 1.0, 9, 9))
+    'covers another area than that'
+    """
+    if text := misfit(one, other):
+        return text
+    same = one.shape == other.shape and offset(one, other) == (0, 0)
+    return None if same else "covers another area than that"
+
+
 def apart(one: Lattice, other: Lattice) -> bool:
     """Whether two lattices have no area in common.
 

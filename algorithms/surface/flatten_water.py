@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from algorithms.shared.alignment import misfit, offset
+from algorithms.shared.alignment import not_on
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.polygons import cells_within, polygons
 from algorithms.shared.water_columns import WATER
@@ -157,7 +157,7 @@ class SurfaceFlattenWater:
             name = self.surface.name or "the raster"
             if text := heights_problem(self.surface):
                 yield "surface", f"{name} {text}"
-            elif text := _not_on(self.surface, self.terrain):
+            elif text := not_on(Lattice.of(self.terrain), Lattice.of(self.surface)):
                 yield "surface", f"{name} {text} of the terrain"
         if self.level is None and len(self.water) and not _tells_heights(self.water):
             yield (
@@ -402,15 +402,6 @@ def between(xyz: Array) -> Surface:
         return np.asarray(np.where(np.isnan(found), beyond(x, y), found))
 
     return at
-
-
-def _not_on(surface: Raster, terrain: Raster) -> str | None:
-    """Why a surface has not the cells of a terrain, or None; continues a sentence."""
-    one, other = Lattice.of(surface), Lattice.of(terrain)
-    if text := misfit(other, one):
-        return text
-    same = one.shape == other.shape and offset(one, other) == (0, 0)
-    return None if same else "covers another area than that"
 
 
 def shore_below(heights: Array, water: Mask, level: Array, reach: int) -> Mask:

@@ -104,8 +104,11 @@ def test_red_may_be_in_another_file_on_the_same_cells() -> None:
     nir, red = chequered("uint16")
     out = ClassifyNdvi(image=image(nir), red_image=image(red)).run()
     np.testing.assert_array_equal(out.ndvi.values[0], ndvi(nir, red).astype(np.float32))
-    with pytest.raises(DataError, match=r"red_image: .* has not all the cells"):
+    with pytest.raises(DataError, match=r"red_image: .* covers another area than that of"):
         ClassifyNdvi(image=image(nir), red_image=image(red[:-1])).run()
+    beside = Raster(red, Affine(1, 0, 500_002, 0, -1, 4_600_000), crs=UTM, name="beside.tif")
+    with pytest.raises(DataError, match=r"beside\.tif covers another area than that of"):
+        ClassifyNdvi(image=image(nir), red_image=beside).run()
     moved = Raster(red, Affine(1, 0, 500_000.5, 0, -1, 4_600_000), crs=UTM, name="moved.tif")
     with pytest.raises(DataError, match=r"moved\.tif lies 0\.5 of a cell beside"):
         ClassifyNdvi(image=image(nir), red_image=moved).run()

@@ -72,7 +72,7 @@ SPANS = {
         "°",
         1,
         meaning="Of the wires as surveyed: by the scatter of the points, how much was seen, and "
-        "how far the wires of the span disagree",
+        "how far the wires of the span disagree; empty, as the swing, above 2 degrees",
         never_zero=True,
     ),
     "clearance_sd": Column("Standard deviation of the clearance", "m", 2, never_zero=True),

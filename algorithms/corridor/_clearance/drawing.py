@@ -8,8 +8,9 @@ from __future__ import annotations
 import base64
 import functools
 import io
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,17 @@ from PIL import Image
 MARGINS = {"left": 70, "right": 165, "above": 10, "below": 45}
 DOT = 2  # pixels, of a point
 TICK_SPACING = 80  # pixels from one tick to the next, or more
+LETTER = 6, 8  # pixels, width and height of a letter of 10 pixels
+GAP = 4  # pixels between a position and its text, and between texts
+RINGS = 12  # ever farther around a position, by a letter, where a free place is looked for
+SIDES = ((1, -1), (1, 1), (-1, -1), (-1, 1), (1, 0), (-1, 0), (0, -1), (0, 1))  # right, down
 
 Floats = NDArray[np.float64]
+Box = tuple[float, float, float, float]  # left, top, right, bottom, in pixels
 
 
 class Drawing:
-    """A drawing with axes and a legend; later shapes are drawn over earlier ones.
+    """A drawing with axes and a legend; later shapes are drawn over earlier ones, texts over all.
 
     Parameters
     ----------
@@ -51,6 +57,7 @@ class Drawing:
         self.origin, self.metre = np.zeros(2) if origin is None else origin, metre
         self.size = tuple(round(length) for length in size)
         self.shapes: list[dict[str, Any]] = []
+        self.texts: list[dict[str, Any]] = []
         self.keys: list[dict[str, Any]] = []
 
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -90,8 +97,8 @@ class Drawing:
         self.shapes.append({"shape": "mark", "colour": colour, **self._position(x, y)})
 
     def text(self, x: float, y: float, text: str, colour: str = "#000") -> None:
-        """Write a small text to the right of a position."""
-        self.shapes.append({"text": text, "colour": colour, **self._position(x, y)})
+        """Write a small text beside a position, where no earlier text stands."""
+        self.texts.append({"text": text, "colour": colour, **self._position(x, y)})
 
     def key(self, shape: str, name: str, colour: str, dashes: str = "") -> None:
         """Add an entry to the legend, for the shape "points", "curve" or "mark"."""
@@ -106,6 +113,7 @@ class Drawing:
         text = _template().render(
             vars(self),
             **MARGINS,
+            placed=list(self._placed()),
             wide=self.size[0],
             tall=self.size[1],
             across=_labelled(columns, across),
@@ -113,9 +121,51 @@ class Drawing:
         )
         return text.encode()
 
+    def _placed(self) -> Iterator[dict[str, Any]]:
+        """The texts, each with the place of its first letter, and where its leader ends if far."""
+        taken: list[Box] = []
+        for text in self.texts:
+            ring, box = self._free(text, taken)
+            taken.append(box)
+            left, top, right, bottom = box
+            yield {
+                **text,
+                "left": round(left, 1),
+                "base": round(bottom, 1),
+                "far": ring > 0,
+                "to_x": round(min(max(text["x"], left), right), 1),
+                "to_y": round(min(max(text["y"], top), bottom), 1),
+            }
+
+    def _free(self, text: dict[str, Any], taken: Sequence[Box]) -> tuple[int, Box]:
+        """The nearest place of a text in the window on no other; if there is none, the nearest."""
+        wide, tall = LETTER[0] * len(text["text"]), LETTER[1]
+        places = []
+        for ring, (right, down) in itertools.product(range(RINGS), SIDES):
+            away = GAP + ring * tall
+            left = text["x"] + right * away - wide * (1 - right) / 2
+            top = text["y"] + down * away - tall * (1 - down) / 2
+            places.append((ring, (left, top, left + wide, top + tall)))
+        seen = [place for place in places if self._holds(place[1])] or places
+        return next((p for p in seen if not any(_meet(p[1], box) for box in taken)), seen[0])
+
+    def _holds(self, box: Box) -> bool:
+        """Whether a box lies in the window."""
+        left, top, right, bottom = box
+        return left >= 0 and top >= 0 and right <= self.size[0] and bottom <= self.size[1]
+
     def _position(self, x: float, y: float) -> dict[str, float]:
         a, b = self.at(np.array(x), np.array(y))
         return {"x": round(float(a), 1), "y": round(float(b), 1)}
+
+
+def _meet(one: Box, other: Box) -> bool:
+    """Whether two boxes are nearer to each other than the gap between texts."""
+    return all(
+        one[k] < other[k + 2] + GAP
+        and other[k] < one[k + 2] + GAP  # left and right, top and bottom
+        for k in (0, 1)
+    )
 
 
 def _labelled(pixels: Floats, ticks: Floats) -> list[tuple[float, str]]:

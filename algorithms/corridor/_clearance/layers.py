@@ -22,6 +22,9 @@ from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERI
 from algorithms.corridor._clearance.surroundings import Floats, LineStates, Object, Surroundings
 from toolbox.data import PointCloud, Table, Vector
 
+# Degrees, of the standard deviation. Twice as much is what 8 m/s make of a Drake, a wind in which
+# nobody surveys: a swing so unsure tells nothing.
+SURE_SWING = 2.0
 SPAN_COLUMNS = (
     "span_id",
     "state",
@@ -244,7 +247,8 @@ def span_table(
             curves = [line.curves[number][k] for k in own]
             swung = max(own, key=lambda k: abs(line.curves[number][k].swing))
             swing = math.degrees(math.atan(line.curves[number][swung].swing))
-            unknown = number == 0 and not swing  # too little sag to tell
+            swing_sd = math.nan if number else line.swing_sd[swung] * disagreement
+            unknown = number == 0 and (not swing or swing_sd > SURE_SWING)
             rows.append(
                 {
                     "span_id": span,
@@ -258,7 +262,7 @@ def span_table(
                     "length": max(curve.length for curve in curves),
                     "sag": max(curve.sag for curve in curves),
                     "swing": None if unknown else swing,
-                    "swing_sd": None if number else line.swing_sd[swung] * disagreement,
+                    "swing_sd": None if number or unknown else swing_sd,
                     **_least_of(line, least, own, number, surroundings, point_sd),
                     **(_interval_of(band, own) if number == 0 else {}),
                     **dict(

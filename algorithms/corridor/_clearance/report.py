@@ -101,7 +101,8 @@ UNSURE_CAPTION = (
 SPAN_CAPTION = (
     "For each span and state of the wires: the least distances in space to what is near the wires "
     "in plan. Clearance is that to the nearest object; at other temperatures, see Temperature of "
-    "the wires. A bundle counts as one conductor. Wire-like points have the shape of a wire, and "
+    "the wires. The swing is empty where the wires sag too little to tell. A bundle counts as one "
+    "conductor. Wire-like points have the shape of a wire, and "
     "are none"
 )
 KIND_CAPTION = (
@@ -118,7 +119,7 @@ ZONE_CAPTION = (
 CROSSING_CAPTION = (
     "The table lists where conductors of two lines come near each other: the two states in which "
     "they are closest, and between which values the distance lies if each line has any temperature "
-    "that it may have"
+    "that it may have. A state such as 80 C is that of conductors of 80 °C, survey is as surveyed"
 )
 RULE_CAPTION = (
     "The distances that were required. Within: of a vertical distance, how far to the side it "
@@ -132,6 +133,7 @@ OF_EUROPE = "Of European standards (EN), the national annex is a part of it."
 TO_SIGN = (
     "Confirmed by: ______________________  Date: ______________  Signature: ______________________"
 )
+TOWER_COLOUR = "#8a2be2"
 WIRE_COLOUR, WIRE_DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
 
 Floats = NDArray[np.float64]
@@ -510,9 +512,9 @@ def _wires_text(line: LineStates, conductor: Conductor | None) -> str:
 
 
 def _told(state: State) -> str:
-    """Name of a state with its wind and temperature."""
+    """Name of a state with its wind and the temperature of its conductors."""
     wind = f" by {abs(state.wind):g} m/s" if state.wind else ""
-    warm = f" at {state.temperature:g} C" if state.wind and state.temperature is not None else ""
+    warm = f" (conductors of {state.temperature:g} °C)" if state.temperature is not None else ""
     return state.name + wind + warm
 
 
@@ -604,7 +606,7 @@ def _map(
             seen = [wires[wire] for wire in own]
             svg = _sheet(across, line, rules, objects, seen, axes, edges[k], edges[k + 1])
             sheet = f"; sheet {k + 1} of {count}, {way}" if count > 1 else ""
-            caption = f"Wires in plan, and objects with their number in the list{sheet}"
+            caption = f"Wires in plan, towers and objects with their numbers in the tables{sheet}"
             figures.append(Figure(svg, caption))
     return figures
 
@@ -638,10 +640,32 @@ def _sheet(
     for span, some in middles.items():
         x, y = np.mean(some, axis=0).tolist()
         drawing.text(x, y, f"span {span}", WIRE_COLOUR)
+    for tower, place in _towers(line).items():
+        if (place[:2] >= low).all() and (place[:2] <= high).all():
+            _draw_tower(drawing, tower, *place[:2])
     places = [across.surroundings.xyz[one.nearest, :2] for one in objects]
     spots = list(zip(range(1, len(objects) + 1), objects, places, strict=True))
     _mark(drawing, rules, [s for s in spots if (s[2] >= low).all() and (s[2] <= high).all()])
     return drawing.svg()
+
+
+def _towers(line: LineStates) -> dict[int, Floats]:
+    """Where each tower holds its wires as surveyed: the mean of their ends, by its number."""
+    held: dict[int, list[Floats]] = {}
+    for curve, *numbers in zip(line.curves[0], line.start, line.end, strict=True):
+        for tower, end in zip(
+            map(int, numbers), curve.points(np.array([0.0, curve.length])), strict=True
+        ):
+            held.setdefault(tower, []).append(end)
+    return {tower: np.mean(ends, axis=0) for tower, ends in sorted(held.items()) if tower}
+
+
+def _draw_tower(drawing: Drawing, number: int, x: float, y: float) -> None:
+    """Draw a tower with its number in the tables."""
+    drawing.mark(x, y, TOWER_COLOUR)
+    drawing.text(x, y, f"tower {number}", TOWER_COLOUR)
+    if "tower" not in [key["name"] for key in drawing.keys]:
+        drawing.key("mark", "tower", TOWER_COLOUR)
 
 
 def _draw_points(drawing: Drawing, xy: Floats, kinds: NDArray[np.int8], opacity: float) -> None:
@@ -717,6 +741,9 @@ def _profile(
         )
     for number, state in enumerate(line.states):
         drawing.key("curve", state.name, WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
+    for tower, place in _towers(line).items():
+        if tower in {*line.start[own].tolist(), *line.end[own].tolist()}:
+            _draw_tower(drawing, tower, axis.along(place[None])[0][0], place[2])
     spots = _spots(across, line, objects, axis, span)
     for _, one, place in spots:
         foot = line.curves[one.state][one.wire].points(np.array([one.u]))
@@ -730,7 +757,7 @@ def _profile(
     caption = (
         f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(spots)} objects{worst}. "
         f"Points up to {PROFILE_BESIDE:.0f} m to the side, darker the ground up to "
-        f"{RIGHT_BELOW:.0f} m from below a wire; numbers as in the list."
+        f"{RIGHT_BELOW:.0f} m from below a wire; numbers as in the tables."
     )
     return Figure(drawing.svg(), caption)
 

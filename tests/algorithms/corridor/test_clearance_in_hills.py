@@ -291,6 +291,8 @@ def test_crossing_lines_are_measured_from_each_other(hill: Hill, above: float) -
     assert row.distance == pytest.approx(min(gaps.values()), abs=CENTIMETRE)
     assert gaps[names.index(row.state), names.index(row.other_state)] == min(gaps.values())
     assert row.geometry.length > 0
+    (listed,) = [s.blocks for s in found["report"].sections if s.title == "Crossing lines"]
+    assert "80 C is that of conductors of 80 °C" in listed[0].caption
     lines = found["spans"].frame.set_index(["span_id", "state"])["line"]
     for state, name in enumerate(names):
         nearest = min(gaps[state, other] for other in (0, 1))

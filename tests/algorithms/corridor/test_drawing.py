@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import itertools
 import re
 from xml.etree import ElementTree
 
@@ -60,3 +61,39 @@ def test_ticks_are_round_numbers(
     low: float, high: float, pixels: float, expected: list[float]
 ) -> None:
     assert _ticks(low, high, pixels).tolist() == pytest.approx(expected)
+
+
+def boxes(svg: bytes) -> dict[str, tuple[float, float, float, float]]:
+    """Where the labels of a drawing stand: left, top, right, bottom, in pixels."""
+    name = "{http://www.w3.org/2000/svg}"
+    found = {}
+    for text in ElementTree.fromstring(svg).iter(f"{name}text"):
+        if text.get("class") == "label":
+            left, base = float(text.get("x", "")), float(text.get("y", ""))
+            found[str(text.text)] = (left, base - 8, left + 6 * len(str(text.text)), base)
+    return found
+
+
+def test_texts_do_not_lie_on_each_other_and_stay_in_the_window() -> None:
+    """Numbers of trees of one clump lay on each other; those of its edge were cut."""
+    made = drawing()
+    places = [(9.9, 119.9), (9.9, 119.8), *[(5.0 + 0.1 * k, 110.0) for k in range(12)]]
+    for number, (x, y) in enumerate(places, start=101):
+        made.text(x, y, str(number))
+    svg = made.svg()
+    found = list(boxes(svg).values())
+    assert len(found) == len(places)
+    for one, other in itertools.combinations(found, 2):
+        across = max(one[0], other[0]) - min(one[2], other[2])
+        up = max(one[1], other[1]) - min(one[3], other[3])
+        assert max(across, up) >= 4 - 0.11, "rounded to tenths"
+    assert all(b[0] >= 0 and b[1] >= 0 and b[2] <= 200 and b[3] <= 100 for b in found)
+    far = re.findall(rb'class="leader" d="M([0-9.]+) ([0-9.]+)L', svg)
+    assert 0 < len(far) < len(places), "a line leads from a place to its text where that is far"
+
+
+def test_a_text_alone_stands_right_above_its_place() -> None:
+    made = drawing()
+    made.text(5.0, 110.0, "1")
+    assert boxes(made.svg()) == {"1": (104.0, 38.0, 110.0, 46.0)}
+    assert b'class="leader"' not in made.svg()

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from toolbox import language
 from toolbox.data.extras import IFC
 from toolbox.data.ifc_entities import Entities
 from toolbox.data.layer import day_of
@@ -109,12 +110,15 @@ class _Building:
         self.ifc, self.origin, self.metre = entities, origin, metre
         ifc = entities
         title = head.get("title", "")
-        project = ifc.project(title or "Survey of fronts", client=head.get("client"))
+        project = ifc.project(title or language.text("Survey of fronts"), client=head.get("client"))
         place = ifc.place((origin / metre).tolist())
-        site = ifc.root("IfcSite", "Site", ObjectPlacement=place)
+        site = ifc.root("IfcSite", language.text("Site"), ObjectPlacement=place)
         inner = ifc.place((0, 0, 0), within=place)
-        building = ifc.root("IfcBuilding", title or "Building", ObjectPlacement=inner)
-        self.storey = ifc.root("IfcBuildingStorey", "All storeys", ObjectPlacement=inner)
+        building = ifc.root(
+            "IfcBuilding", title or language.text("Building"), ObjectPlacement=inner
+        )
+        storeys = language.text("All storeys")
+        self.storey = ifc.root("IfcBuildingStorey", storeys, ObjectPlacement=inner)
         for whole, part in ((project, site), (site, building), (building, self.storey)):
             ifc.root("IfcRelAggregates", None, RelatingObject=whole, RelatedObjects=[part])
         self.contained: list[Any] = []
@@ -134,10 +138,12 @@ class _Building:
         area, bare = whole.area, unseen / self.metre**2
         made = self.ifc.element(
             "IfcWall",
-            f"Front {int(wall['front_id'])}",
+            language.told(f"Front {int(wall['front_id'])}"),
             place,
             self.ifc.body(whole, depth=THICKNESS),
-            Description=f"{bare:.1f} of its {area:.1f} m2 were not seen; thickness assumed",
+            Description=language.for_people(
+                f"{bare:.1f} of its {area:.1f} m2 were not seen; thickness assumed"
+            ),
             PredefinedType="STANDARD",
         )
         facts = {"ThicknessIsAssumed": True, "Thickness": THICKNESS}
@@ -157,7 +163,7 @@ class _Building:
         inside = self.ifc.place((0, 0, 0), within=place)
         hole = self.ifc.element(
             "IfcOpeningElement",
-            f"Opening {number}",
+            language.told(f"Opening {number}"),
             inside,
             self.ifc.body(shape, depth=THICKNESS),
             Description=told,
@@ -167,7 +173,7 @@ class _Building:
         known = {"OverallWidth": facts["Width"], "OverallHeight": facts["Height"]}
         fill = self.ifc.element(
             KINDS.get(kind, "IfcBuildingElementProxy"),
-            f"{kind.capitalize()} {number}",
+            language.capitalised(f"{language.text(kind)} {number}"),
             inside,
             self.ifc.body(shape, depth=LEAF, behind=facts["SetBack"]),
             Description=told,
@@ -211,6 +217,8 @@ class _Building:
 def described(facts: Mapping[str, Any]) -> str:
     """What an opening is, how certain that is, and which of its sides are unsure or not seen.
 
+    In the language of the user.
+
     Examples
     --------
     >>> described({"Kind": "window", "Certainty": 0.98, "SidesNotSeen": "left"})
@@ -218,14 +226,14 @@ def described(facts: Mapping[str, Any]) -> str:
     >>> described({"Kind": "door", "SidesUnsure": "left, top"})
     'door; unsure sides: left, top'
     """
-    told = str(facts["Kind"])
+    told = [str(facts["Kind"])]
     if "Certainty" in facts:
-        told += f", certainty {100 * facts['Certainty']:.0f} %"
+        told.append(f", certainty {100 * facts['Certainty']:.0f} %")
     if "SidesUnsure" in facts:
-        told += f"; unsure sides: {facts['SidesUnsure']}"
+        told.append(f"; unsure sides: {facts['SidesUnsure']}")
     if "SidesNotSeen" in facts:
-        told += f"; sides not seen, which may be elsewhere: {facts['SidesNotSeen']}"
-    return told
+        told.append(f"; sides not seen, which may be elsewhere: {facts['SidesNotSeen']}")
+    return "".join(map(language.told, told))
 
 
 def _number(row: pd.Series[Any], name: str) -> float | None:

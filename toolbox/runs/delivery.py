@@ -15,7 +15,7 @@ from typing import Any
 
 from pyproj import CRS
 
-from toolbox import files
+from toolbox import files, language
 from toolbox.context import Context, log
 from toolbox.data import Drawing, PointCloud, Survey, Table, Vector, dxf
 from toolbox.data.crs import NOT_STATED, crs_text, height_system, is_local
@@ -84,7 +84,7 @@ def _target(one: Delivered, folder: Path, head: Mapping[str, Any], spec: Spec) -
 
 def _said(spec: Spec, head: Mapping[str, Any]) -> dict[str, str]:
     """What drawings and models of a set say of themselves: title, client and date."""
-    known = {"title": spec.title, "date": today(), **head}
+    known = {"title": language.text(spec.title), "date": today(), **head}
     return {name: known[name] for name in ("title", "client", "date") if known.get(name)}
 
 

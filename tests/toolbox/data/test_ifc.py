@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 import shapely
 
+from toolbox import language
 from toolbox.data import Vector
 from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError
@@ -194,3 +195,30 @@ def test_project_building_and_file_have_the_title_client_and_day_of_the_set(tmp_
     assert model.header.file_name.time_stamp == "2026-11-24T00:00:00"
     other = written(elevation().with_head({"date": "in autumn"}), tmp_path / "b.ifc")
     assert other.header.file_name.time_stamp == "1980-01-01T00:00:00", "the file says no words"
+
+
+def test_names_and_descriptions_are_in_the_language_of_the_user(tmp_path: Path) -> None:
+    """A building of a Turkish set had "Front 1" and "Door 1"; what programs read stays English."""
+    with language.speaking("tr"):
+        model = written(elevation(), tmp_path / "a.ifc")
+    names = {
+        kind: [one.Name for one in model.by_type(kind)]
+        for kind in ("IfcSite", "IfcBuildingStorey", "IfcWall", "IfcOpeningElement", "IfcDoor")
+    }
+    assert names == {
+        "IfcSite": ["Arsa"],
+        "IfcBuildingStorey": ["Tüm katlar"],
+        "IfcWall": ["Cephe 1", "Cephe 2"],
+        "IfcOpeningElement": ["Açıklık 1", "Açıklık 2"],
+        "IfcDoor": ["Kapı 1"],
+    }
+    (window,) = model.by_type("IfcWindow")
+    assert window.Name == "Pencere 2"
+    assert window.Description == (
+        "pencere, kesinlik % 90; kesin olmayan kenarlar: üst; görülmeyen, başka yerde olabilecek "
+        "kenarlar: sol"
+    )
+    assert window.ObjectType == "window"
+    assert model.by_type("IfcWall")[0].Description.startswith("60,0 m2 alanının 0,0 m2 kadarı")
+    assert model.by_type("IfcBuilding")[0].Name == "Bina"
+    assert model.by_type("IfcProject")[0].Name == "Cephe ölçmesi"

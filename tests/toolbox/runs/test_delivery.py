@@ -18,7 +18,7 @@ from pyproj import CRS
 from pyproj.crs import CompoundCRS
 
 import toolbox
-from toolbox import catalog
+from toolbox import catalog, language
 from toolbox.cli.main import main
 from toolbox.cli.replay import replay
 from toolbox.context import Context
@@ -737,3 +737,12 @@ def test_the_advice_on_heights_fits_the_crs(
     caplog.clear()
     delivery.tell_heights(assumed(crs, followed))
     assert caplog.text == ""
+
+
+def test_drawings_have_the_title_of_the_model_in_the_language_of_the_user() -> None:
+    """The title block of a Turkish set said "Survey of façades" where no title was given."""
+    spec = catalog.load("models.facade")
+    with language.speaking("tr"):
+        assert delivery._said(spec, {})["title"] == "Cephe rölövesi"
+        assert delivery._said(spec, {"title": "Town hall"})["title"] == "Town hall"
+    assert delivery._said(spec, {})["title"] == spec.title

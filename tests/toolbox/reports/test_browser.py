@@ -7,6 +7,7 @@ there is none the tests skip, unless TOOLBOX_TEST_BROWSER is "required".
 from __future__ import annotations
 
 import html
+import itertools
 import re
 import subprocess
 from collections.abc import Iterator
@@ -306,3 +307,22 @@ def test_headings_stay_with_their_tables_on_paper_and_short_tables_whole(tmp_pat
             page = next(page for page in told.stdout.decode().split("\f") if title in page)
             after = page.partition(title)[2].splitlines()
             assert sum("." in line for line in after) >= least, (count, title)
+
+
+def test_heads_of_wide_tables_stand_apart_on_paper(tmp_path: Path) -> None:
+    """Of right-aligned heads, as Azimuth [°] and Span length [m], one could read one."""
+    heads = {f"column {k}": "MMMMMMMMMMMMMMMM"[: 5 + k % 12] for k in range(24)}
+    how = {name: Column(head) for name, head in heads.items()}
+    table = Table.from_rows(dict.fromkeys(heads, 123456.5 + k) for k in range(8))
+    place = tmp_path / "page.pdf"
+    Report("Paper", [Section("Wide", [Rows(table, "", columns=how)])]).save(place)
+    read = subprocess.run(["pdftotext", "-bbox", place, "-"], capture_output=True, check=True)
+    words = re.findall(
+        r'xMin="([\d.]+)" yMin="([\d.]+)" xMax="([\d.]+)" yMax="[\d.]+">M+-?<', read.stdout.decode()
+    )
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for left, top, right in words:
+        lines.setdefault(top, []).append((float(left), float(right)))
+    gaps = [b[0] - a[1] for line in lines.values() for a, b in itertools.pairwise(sorted(line))]
+    assert len(gaps) > 10
+    assert min(gaps) > 4.0, "points; a letter is some 4 wide"

@@ -332,8 +332,9 @@ def _error_text(err: BaseException) -> str:
     if isinstance(err, ToolboxError):
         return str(err)
     if isinstance(err, OSError):
-        return f"{err.filename or 'cannot read or write'}: {err.strerror or err}"
-    return (
-        f"{type(err).__name__}: {err}\n"
+        what = err.filename or language.text("cannot read or write")
+        return f"{what}: {err.strerror or err}"
+    asked = language.text(
         "This is a mistake in the toolbox. Run it again with --verbose and report what it prints."
     )
+    return f"{type(err).__name__}: {err}\n{asked}"

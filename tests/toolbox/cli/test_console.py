@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 import pandas as pd
 import pytest
 
+from toolbox import language
 from toolbox.cli.console import Console
 from toolbox.cli.tables import fitted
 from toolbox.context import log
@@ -67,6 +68,28 @@ def test_colours_are_left_out_where_nobody_wants_them(environment: dict[str, str
 def test_a_file_gets_no_colours(capsys: pytest.CaptureFixture[str]) -> None:
     Console().message("warning", "the lake is dark")
     assert capsys.readouterr().err == "warning: the lake is dark\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (KeyError("x"), "KeyError: 'x'\nBu, araç kutusundaki bir hatad\u0131r. --verbose ile"),
+        (
+            OSError(28, "No space left"),
+            "okunam\u0131yor ya da yaz\u0131lam\u0131yor: No space left",
+        ),
+    ],
+)
+def test_a_mistake_of_the_toolbox_is_told_in_the_language_of_the_user(
+    error: Exception, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was English for all."""
+    with language.speaking("tr"):
+        Console().error(error)
+    assert told in capsys.readouterr().err
+    Console().error(error)
+    told = capsys.readouterr().err
+    assert ("This is a mistake in the toolbox." in told) != ("cannot read or write: " in told)
 
 
 def test_the_progress_bar_names_the_step() -> None:

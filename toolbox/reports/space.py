@@ -79,16 +79,13 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
             items += items_of(name, titles[name], layer, shows, scene.origin, colours)
     towards = direction_of(scene.cloud, _planes(scene.show))
     span = np.concatenate([item.xyz for item in items if item.kind == "points"])
-    step = max(float(np.abs(span).max()) / _STEPS, 0.001)
     unit = short_height_unit(scene.cloud.crs)
     labels = ("x", "y", "z") if is_local_or_none(scene.cloud) else ("East", "North", "Up")
     data = {
         "origin": scene.origin.tolist(),
-        "middle": [0, 0, 0],
-        "step": step,
         "eye": _eye(towards, span),
         "axes": [f"{name} [{unit}]" if unit else name for name in labels],
-        "clouds": [_cloud_json(item, step) for item in items if item.kind == "points"],
+        "clouds": [_cloud_json(item) for item in items if item.kind == "points"],
         "lines": [_line_json(item) for item in items if item.kind in ("lines", "marks")],
         "meshes": [_mesh_json(item) for item in items if item.kind == "areas"],
     }
@@ -171,11 +168,10 @@ def _eye(towards: Floats, span: Floats) -> dict[str, float]:
     return dict(zip("xyz", np.round(towards * far, 3).tolist(), strict=True))
 
 
-def _cloud_json(item: Item, step: float) -> dict[str, Any]:
+def _cloud_json(item: Item) -> dict[str, Any]:
     from matplotlib.colors import to_hex
 
-    steps = np.rint(item.xyz / step).astype("<i2")
-    made: dict[str, Any] = {"name": item.name, "size": item.size, "xyz": _packed(steps)}
+    made: dict[str, Any] = {"name": item.name, "size": item.size, "xyz": _steps(item.xyz)}
     if item.ramp is None:
         return made | {"colour": item.colour}
     colours = item.ramp.colour_map()
@@ -188,28 +184,32 @@ def _packed(values: NDArray[Any]) -> str:
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
 
 
-def _rounded(values: Floats) -> list[float]:
-    return [float(value) for value in np.round(values, 3).ravel()]
+def _steps(xyz: Floats) -> dict[str, Any]:
+    """Places as whole steps of 16 bits: a third of the size of their decimals.
+
+    The steps are of these places alone, so that a line that goes far leaves the points sharp.
+    """
+    step = max(float(np.abs(xyz).max(initial=0.0)) / _STEPS, 0.001)
+    return {"step": step, "packed": _packed(np.rint(xyz / step).astype("<i2"))}
 
 
 def _line_json(item: Item) -> dict[str, Any]:
-    parts = [_rounded(part) for part in item.parts]
     return {
         "name": item.name,
         "colour": item.colour,
         "marks": item.kind == "marks",
-        "parts": parts,
+        "xyz": _steps(np.concatenate(item.parts)),
+        "sizes": [len(part) for part in item.parts],
         "table": item.table,
         "rows": list(item.rows),
     }
 
 
 def _mesh_json(item: Item) -> dict[str, Any]:
-    triangles = [int(corner) for corner in item.triangles.ravel()]
+    """The areas, three places for each triangle."""
     return {
         "name": item.name,
         "colour": item.colour,
         "opacity": 0.45,
-        "xyz": _rounded(item.xyz),
-        "triangles": triangles,
+        "xyz": _steps(item.xyz[item.triangles.ravel()]),
     }

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import json
 from typing import Any
 
 import geopandas
 import numpy as np
+import pytest
 import shapely
 
 from toolbox import catalog
@@ -130,24 +132,42 @@ def test_a_drawing_in_its_own_coordinates_lies_on_no_other_map() -> None:
     assert titles == ["Map", "Drawing: elevation"]
 
 
+def unpacked(places: dict[str, Any]) -> Any:
+    """Places of a view, of shape (n, 3)."""
+    return places["step"] * np.frombuffer(base64.b64decode(places["packed"]), "<i2").reshape(-1, 3)
+
+
 def test_the_view_holds_points_to_a_centimetre_and_fills_areas() -> None:
     plot = space_of(SPEC, found(), {"points": cloud()})
     assert plot is not None
     data = plot.data
     (points,) = data["clouds"]
-    steps = np.frombuffer(base64.b64decode(points["xyz"]), "<i2").reshape(-1, 3)
-    xyz = steps * data["step"] + data["origin"]
-    assert np.abs(xyz - cloud().xyz).max() < 0.01
+    assert np.abs(unpacked(points["xyz"]) + data["origin"] - cloud().xyz).max() < 0.01
     (water,) = data["meshes"]
-    corners = np.reshape(water["xyz"], (-1, 3))[np.reshape(water["triangles"], (-1, 3))]
+    corners = unpacked(water["xyz"]).reshape(-1, 3, 3)
     area = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    assert area.sum() / 2 == 80 * 80 - 20 * 20
+    assert area.sum() / 2 == pytest.approx(80 * 80 - 20 * 20, abs=0.5)
     names = [line["name"] for line in data["lines"]]
     assert names == ["Water", "Shoreline: edge of the data, no shore", "Shoreline: shore"]
     assert water["name"] == "Water, filled"
     assert "filled" not in plot.picture.caption
+
+
+def test_lines_of_the_view_are_small_and_one_that_goes_far_leaves_the_points_sharp() -> None:
+    """A page of contours had 10 MB: each height of a line stood there in decimals."""
+    bends = [(k / 10, 50 + np.sin(k / 7), 3 + k / 9000) for k in range(900)]
+    long, short = shapely.LineString([*bends, (40_000, 50, 3)]), shapely.LineString(bends[:2])
+    made = {"shoreline": layer([long, short], kind=["shore", "shore"])}
+    plot = space_of(SPEC, made, {"points": cloud()})
+    assert plot is not None
+    (points,), (line,) = plot.data["clouds"], plot.data["lines"]
+    assert line["sizes"] == [901, 2]
+    assert np.abs(unpacked(points["xyz"]) + plot.data["origin"] - cloud().xyz).max() < 0.01
+    expected = np.array([*bends, (40_000, 50, 3), *bends[:2]]) + ORIGIN - plot.data["origin"]
+    assert np.abs(unpacked(line["xyz"]) - expected).max() < 40_000 / 32_000
+    assert len(json.dumps(line)) < 9 * 903, "bytes: 8 a place, and its name"
 
 
 def test_the_same_layers_make_the_same_plots() -> None:

@@ -254,18 +254,21 @@
   };
 
   // View in space ------------------------------------------------------------------------------
-  const points = (cloud, data) => {
-    const steps = new Int16Array(bytes(cloud.xyz).buffer), count = steps.length / 3;
-    const axes = [0, 1, 2].map((side) => Float32Array.from({ length: count }, (_, k) => data.middle[side] + steps[3 * k + side] * data.step));
-    return { x: axes[0], y: axes[1], z: axes[2] };
-  };
-  const woven = (parts) => {
-    const x = [], y = [], z = [];
-    for (const part of parts) {
-      if (x.length) for (const axis of [x, y, z]) axis.push(null);
-      for (let k = 0; k < part.length; k += 3) { x.push(part[k]); y.push(part[k + 1]); z.push(part[k + 2]); }
-    }
+  const unpacked = ({ step, packed }) => {
+    const steps = new Int16Array(bytes(packed).buffer), count = steps.length / 3;
+    const [x, y, z] = [0, 1, 2].map((side) => Float32Array.from({ length: count }, (_, k) => steps[3 * k + side] * step));
     return { x, y, z };
+  };
+  const parted = (places, sizes) => { // with nothing between the parts, so that no line joins them
+    const woven = { x: [], y: [], z: [] };
+    for (const axis of ["x", "y", "z"]) {
+      let from = 0;
+      for (const size of sizes) {
+        if (from) woven[axis].push(null);
+        for (const place of places[axis].subarray(from, from += size)) woven[axis].push(place);
+      }
+    }
+    return woven;
   };
   const drawSpace = async (figure, data) => {
     if (!make("canvas").getContext("webgl")) throw new Error("no WebGL");
@@ -275,15 +278,15 @@
     for (const cloud of data.clouds) {
       const marker = { size: cloud.size, color: cloud.colour };
       if (cloud.codes) Object.assign(marker, { color: bytes(cloud.codes), colorscale: cloud.ramp.map((c, k) => [k / (cloud.ramp.length - 1), c]), cmin: 0, cmax: 255 });
-      traces.push({ type: "scatter3d", mode: "markers", name: cloud.name, marker, hoverinfo: "none", ...points(cloud, data) });
+      traces.push({ type: "scatter3d", mode: "markers", name: cloud.name, marker, hoverinfo: "none", ...unpacked(cloud.xyz) });
       rows.push(null);
     }
     for (const line of data.lines) {
-      traces.push({ type: "scatter3d", mode: line.marks ? "markers" : "lines", name: line.name, line: { color: line.colour, width: 4 }, marker: { size: 7, color: line.colour, symbol: "diamond", line: { color: "#fff", width: 1 } }, hoverinfo: "none", ...woven(line.parts) });
-      rows.push(line.table ? [line.table, line.parts.flatMap((part, k) => [...Array(part.length / 3).fill(line.rows[k]), null])] : null);
+      traces.push({ type: "scatter3d", mode: line.marks ? "markers" : "lines", name: line.name, line: { color: line.colour, width: 4 }, marker: { size: 7, color: line.colour, symbol: "diamond", line: { color: "#fff", width: 1 } }, hoverinfo: "none", ...parted(unpacked(line.xyz), line.sizes) });
+      rows.push(line.table ? [line.table, line.sizes.flatMap((size, k) => [...Array(size).fill(line.rows[k]), null])] : null);
     }
     for (const mesh of data.meshes) {
-      const { x, y, z } = woven([mesh.xyz]), corner = (k) => mesh.triangles.filter((_, place) => place % 3 === k);
+      const { x, y, z } = unpacked(mesh.xyz), corner = (k) => Uint32Array.from({ length: x.length / 3 }, (_, place) => 3 * place + k);
       traces.push({ type: "mesh3d", name: mesh.name, color: mesh.colour, opacity: mesh.opacity, x, y, z, i: corner(0), j: corner(1), k: corner(2), hoverinfo: "none", showlegend: true, flatshading: true });
       rows.push(null);
     }

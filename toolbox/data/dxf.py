@@ -6,7 +6,8 @@ straight line with a text the DIMENSION that it is the line of, other lines and 
 LWPOLYLINE, or POLYLINE where they have heights. An attribute `layer`, or else `kind`, names the
 layer of each; all attributes stand at the entity as extended data of the application LIDAR-TOOLBOX,
 one text `name=value` each. What has a `severity`, and index contours (`is_index`), have layers of
-their own, such as objects_critical and contours_index. A drawing has a unit, but no CRS.
+their own, such as objects_critical and contours_index; what is of the kind `data edge` is on
+data_edge, whatever it is part of. A drawing has a unit, but no CRS.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ LAYER, KIND = "layer", "kind"
 TEXT, ANGLE, SIZE, ANCHOR, SHIFT = "text", "angle", "text_height", "anchor", "shift"
 ABOUT = "about"  # what of a set a text is about: without one, nothing stands there
 TICK, ABOVE = 0.6, 0.3  # of the height of a text: half a stroke of a dimension, gap below its text
-DASHED = "data_edge"  # a layer of broken lines: what ends there goes on, unseen
+EDGE = "data edge"  # a kind of lines that are no shore and no wall
+DASHED = EDGE.replace(" ", "_")  # a layer of broken lines: what ends there goes on, unseen
 _DASH = 5.0, 3.0  # heights of a text, or parts in 300 of the drawing: a stroke and a gap
 _CROSS, _SHARE = 35, -1.5  # points are shown as circles with a cross, in percent of the view
 _SCREEN = 1.5  # width over height of the window in which a drawing opens
@@ -320,7 +322,9 @@ def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
 
     values = (row.get(name) for name in (LAYER, KIND))
     named, kind = (None if pd.isna(value) else str(value) for value in values)
-    name = named or (kind.replace(" ", "_") if kind else layer)
+    name = named or layer
+    if kind and (not named or kind == EDGE):
+        name = kind.replace(" ", "_")
     if not pd.isna(severity := row.get(SEVERITY)):
         name = f"{name}_{severity}".replace(" ", "_")
     if row.get(INDEX) is True:

@@ -250,3 +250,15 @@ def test_edges_of_the_data_are_broken_lines(tmp_path: Path) -> None:
     layers = ezdxf.readfile(tmp_path / "a.dxf").layers  # type: ignore[attr-defined]
     assert layers.get("data_edge").dxf.linetype == "DASHED"
     assert layers.get("walls").dxf.linetype == "Continuous"
+
+
+def test_the_edge_of_the_data_is_no_part_of_a_shore_in_a_drawing(tmp_path: Path) -> None:
+    """A client took the edge of the survey for the shore of a lake, as both were one layer."""
+    frame = geopandas.GeoDataFrame(
+        {"layer": ["shoreline"] * 2 + ["walls"], "kind": ["shore", "data edge", "facade"]},
+        geometry=[shapely.LineString([(k, 0), (k, 9)]) for k in range(3)],
+    )
+    dxf.write(frame, tmp_path / "a.dxf", "a")
+    drawn = ezdxf.readfile(tmp_path / "a.dxf").modelspace()  # type: ignore[attr-defined]
+    assert [one.dxf.layer for one in drawn] == ["shoreline", "data_edge", "walls"]
+    assert dxf.layers_of(frame, tmp_path / "a.dxf")["data_edge"] == (8, 1)

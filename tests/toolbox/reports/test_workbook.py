@@ -91,3 +91,13 @@ def test_sheets_are_printed_as_wide_as_a_page_with_heads_that_fit(tmp_path: Path
     assert (sheet.page_setup.orientation, sheet.page_setup.fitToHeight) == ("landscape", 0)
     assert sheet.print_title_rows == "$1:$1"
     assert sheet.row_dimensions[1].height > 30
+
+
+def test_settings_that_are_numbers_are_numbers(tmp_path: Path) -> None:
+    """A sum over them was 0, and a spreadsheet drew a green corner at each."""
+    values = ["0.4", "12", "yes", "9-11", "-3"]
+    cells = [{"Setting": f"{n}", "Value": text} for n, text in enumerate(values)]
+    made = Report("Line 12", [Section("Settings", [Rows(Table.from_rows(cells))])])
+    rows = list(opened(made, tmp_path)["Settings"].iter_rows(values_only=True, min_row=2))
+    assert [value for _, value in rows] == [0.4, 12, "yes", "9-11", -3]
+    assert [name for name, _ in rows] == list("01234"), "names stay texts"

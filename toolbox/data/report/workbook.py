@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from toolbox import language
+from toolbox.data.measures import VALUE
 from toolbox.data.report.blocks import Rows
 from toolbox.data.report.columns import Column, guessed
 from toolbox.data.report.prose import cell as said
@@ -38,6 +39,7 @@ _WIDEST = 48  # characters of a column
 _LINE = 15  # points, height of a line
 _SPARE = 2  # digits more than are shown, for sums; the others tell nothing
 _FORBIDDEN = re.compile(r"[\[\]:*?/\\]")
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")  # among values that are texts, as those of settings
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # that a workbook cannot hold
 
 
@@ -119,7 +121,10 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
         cell.font = Font(bold=True)
         cell.alignment = Alignment(wrap_text=True, vertical="top")
     columns = [
-        [_value(value, column) for value in frame[name]]
+        [
+            _value(_number(value) if str(name).lower() == VALUE else value, column)
+            for value in frame[name]
+        ]
         for name, column in zip(frame, headings, strict=True)
     ]
     for row in zip(*columns, strict=True):
@@ -153,6 +158,17 @@ def _fill(sheet: Worksheet, rows: Rows) -> None:
 def _heading(column: Column) -> str:
     heading = language.told(column.heading)
     return f"{heading} [{column.unit}]" if column.unit else heading
+
+
+def _number(value: Any) -> Any:
+    """A value that was told in words as the number that it is; others as they are.
+
+    >>> _number("0.4"), _number("-3"), _number("9-11"), _number("yes")
+    (0.4, -3, '9-11', 'yes')
+    """
+    if not (isinstance(value, str) and _NUMBER.fullmatch(value)):
+        return value
+    return float(value) if "." in value else int(value)
 
 
 def _value(value: Any, column: Column) -> Any:

@@ -418,6 +418,9 @@ class Supports:
     enough_body: float = tried(0.4, "1", "share of its height at which a support shows points")
     much_body_pole: float = tried(0.5, "1", "the same of a pole where nothing else tells of it")
     much_body_tower: float = tried(0.75, "1", "the same of a tower")
+    lowest_arm: float = built(
+        0.25, "1", "share of its height below which a support holds no wire, those of others on it"
+    )
     tallest_pole: float = built(15.0, "m", "height below which a support is a pole")
     settled_slack: float = tried(
         1.0,

@@ -117,8 +117,24 @@ def supports_of(
     hints = list(hints_of(pieces, alignments))
     found = []
     for group in clusters(hints):
-        found += abreast(corridor, pieces, group)
+        found += abreast(corridor, pieces, of_arms(corridor, pieces, group))
     return sorted(found, key=lambda s: (s.x, s.y))
+
+
+def of_arms(corridor: Corridor, pieces: Sequence[Piece], group: Sequence[Hint]) -> list[Hint]:
+    """The hints of a group without short arcs far below its highest, where no support has arms.
+
+    Bracing of a tower, and twigs beside it, lie in arcs as well. A line of low poles that passes a
+    tower does too, but its arcs are as long as spans.
+    """
+    top = max(group, key=lambda hint: hint.place[2]).place
+    height = max(float(top[2] - corridor.ground(top[0], top[1])), 0.0)
+    low = top[2] - (1 - SETTINGS.supports.lowest_arm) * height
+    return [
+        hint
+        for hint in group
+        if hint.place[2] >= low or pieces[hint.piece].curve.length >= SETTINGS.arcs.shortest_span
+    ]
 
 
 def abreast(corridor: Corridor, pieces: Sequence[Piece], group: Sequence[Hint]) -> list[Support]:

@@ -14,7 +14,7 @@ from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.structures import is_row_of_mesh
 from algorithms.corridor._curves.trace import Airborne
-from algorithms.corridor._curves.tracks import Alignment
+from algorithms.corridor._curves.tracks import TRACK_BIN, Alignment
 from algorithms.corridor._extraction import follow
 from algorithms.corridor._extraction.follow import (
     Line,
@@ -26,7 +26,13 @@ from algorithms.corridor._extraction.follow import (
     together,
 )
 from algorithms.corridor._extraction.spans import Wire, cut, on_wire
-from algorithms.corridor._extraction.supports import Hint, Support, abreast, pole_near
+from algorithms.corridor._extraction.supports import (
+    Hint,
+    Support,
+    abreast,
+    pole_near,
+    supports_of,
+)
 from algorithms.corridor._extraction.towers import compared
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
@@ -229,6 +235,34 @@ def test_lines_cut_apart_have_supports_one_after_the_other(apart: float, count: 
     found = abreast(corridor_of(*WIRE), [], hints)
     places = {1: [(52.0, 4.0)], 2: [(50.0, 0.0), (56.0, 8.0)]}[count]
     np.testing.assert_allclose([(one.x, one.y) for one in found], places)
+
+
+@pytest.mark.parametrize(
+    ("low", "length", "held"),
+    [
+        (8.0, 10.0, 40.0),  # twigs, or bracing
+        (11.0, 10.0, 11.0),  # more than a quarter of the way up
+        (8.0, 30.0, 8.0),  # as long as a span
+    ],
+)
+def test_short_arcs_far_below_the_wires_of_a_tower_are_not_held_by_it(
+    low: float, length: float, held: float
+) -> None:
+    """Wires 40 m up end at a tower, and so do arcs further down."""
+    ends = [(a, b, z) for a, b in ((-200, 0), (0, 200)) for z in (40.0, 42.0)]
+    ends += [(-length, 0.0, low), (0.0, length, low)]
+    pieces, alignments = [], []
+    for number, heights in enumerate(((40.0, 42.0), (low,))):
+        own = [wire((a, 0, z), (b, 0, z), 400)[0] for a, b, z in ends if z in heights]
+        arcs = [
+            Piece(np.zeros(0, np.int64), curve, arc=(number, int(curve.x >= 0))) for curve in own
+        ]
+        one = Alignment.of(arcs)
+        cut = np.array([-min(curve.x for curve in own) + TRACK_BIN])
+        alignments.append(replace(one, cuts=cut, sigmas=np.array([0.1])))
+        pieces += arcs
+    inner = [one for one in supports_of(corridor_of(*WIRE), pieces, alignments) if abs(one.x) < 1.0]
+    assert [(one.low, one.high) for one in inner] == [(held, 42.0)]
 
 
 def support_at(x: float, body: float = 0.9, sd_along: float = 0.1) -> Support:

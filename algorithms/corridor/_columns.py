@@ -215,5 +215,7 @@ TOWERS = {
     ),
     "body": Column("Seen of its height", "%", 0, 100.0),
     "sd_along": Column("Standard deviation of its place along the line", "m", 1),
-    "certain": Column("Certain (1), or told by wires alone or in an unsure place (0)"),
+    "certain": Column(
+        "Certain (1), or told by wires alone, in an unsure place or without a body (0)"
+    ),
 }

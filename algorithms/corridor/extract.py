@@ -34,6 +34,7 @@ from algorithms.corridor._extraction.ground import elevation
 from algorithms.corridor._extraction.labels import DOUBTFUL, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
 from algorithms.corridor._extraction.missed import (
+    warn_of_bodiless_supports,
     warn_of_edges,
     warn_of_left_out,
     warn_of_missed,
@@ -143,6 +144,7 @@ class CorridorExtract:
         towers = tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs)
         warn_of_unseen_supports(towers)
         warn_of_unsure_places(towers)
+        warn_of_bodiless_supports(towers)
         warn_of_open_ends(line.wires, points.seen, points.origin, cloud.metre)
         warn_of_edges(points, line.labels)
         return self.Outputs(

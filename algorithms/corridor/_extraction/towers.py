@@ -35,12 +35,14 @@ class Tower:
     points : indices among the points in the air
     top : height of its highest point, or of its highest wire if that is higher
     width : half width of the body below its arms
+    stands : whether points of that body are seen
     """
 
     support: Support
     points: Ints
     top: float
     width: float
+    stands: bool
 
     @property
     def lattice(self) -> bool:
@@ -49,9 +51,10 @@ class Tower:
 
     @property
     def is_certain(self) -> bool:
-        """Whether more than its wires tell of it, and where it stands along the line."""
+        """Whether a body and more than its wires tell of it, and where it stands along the line."""
         return (
-            len(self.points) >= SETTINGS.towers.known_by_points
+            self.stands
+            and len(self.points) >= SETTINGS.towers.known_by_points
             and self.support.sd_along <= SETTINGS.supports.settled_slack
         )
 
@@ -251,7 +254,8 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
     body &= above > 2 * SETTINGS.points.off_ground
     mine = near[arms | body]
     top = float(np.quantile(corridor.air.xyz[mine, 2], 0.995)) if len(mine) else support.high
-    return Tower(support, mine, max(top, support.high), width)  # of a pole only the foot may show
+    highest = max(top, support.high)  # of a pole only the foot may show
+    return Tower(support, mine, highest, width, bool(body.any()))
 
 
 def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Floats, Floats]:

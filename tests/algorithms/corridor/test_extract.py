@@ -730,6 +730,21 @@ def test_a_pole_of_which_the_foot_alone_shows_is_as_high_as_its_wires() -> None:
     assert (towers["height"] > 7.9).all()  # the ground is up to 1 m high
 
 
+@pytest.mark.parametrize("body", [True, False])
+def test_a_pole_of_which_no_body_is_seen_is_not_certain(
+    body: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What is level with the wires may be twigs."""
+    _, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    hidden = (abs(poles[:, 0] - 60) < 5) & (poles[:, 2] < 8.4)
+    towers = found(GROUND, *wires, poles if body else poles[~hidden]).towers.frame
+    assert (towers["points"] >= 4).all()
+    assert (towers["sd_along"] < 1.0).all()
+    assert towers["certain"].tolist() == [1, int(body), 1, 1]
+    text = "tower_id 2: there are points level with the wires, but none of a body below them"
+    assert (text in caplog.text) == (not body)
+
+
 @pytest.mark.parametrize(
     ("per_metre", "noise", "told"), [(8, 0.03, False), (1, 0.2, True)], ids=["many", "few"]
 )

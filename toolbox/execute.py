@@ -293,9 +293,18 @@ def _between(spec: Spec, writes: Mapping[str, Target]) -> list[str]:
 
 
 def _tell_idle(spec: Spec, names: Iterable[str]) -> None:
-    """Warn of settings that no step uses, and say which ones would."""
+    """Warn of settings that no step uses, and say which ones would.
+
+    Raises
+    ------
+    ParameterError
+        A layer is one of them, and another input decides whether it is used.
+    """
     for name in names:
         titles = ", ".join(map(language.text, spec.users(name)))
+        if name in spec.sources and (switches := spec.switches(name)):
+            text = f"is used only with {' and '.join(switches)}; it is for: {titles}"
+            raise ParameterError(spec.id, {name: text})
         log.warning("%s: is not used by any step that runs; it is for: %s", name, titles)
 
 

@@ -342,6 +342,10 @@ class Spec:
         """The titles of the tools that use an input; only a model has such."""
         return []
 
+    def switches(self, name: str) -> list[str]:
+        """Inputs without which an input is not used; only a model has such."""
+        return []
+
     @property
     def between(self) -> Mapping[str, Field]:
         """The fields of the results of the steps of a model, by step.output; a tool has none."""

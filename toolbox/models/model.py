@@ -187,6 +187,12 @@ class Model(Spec):
         using = (step for step in self.steps.values() if f"{INPUTS}.{name}" in step.needs)
         return list(dict.fromkeys(step.spec.title for step in using))
 
+    def switches(self, name: str) -> list[str]:
+        """The inputs without which the steps that use an input are left out."""
+        using = (step for step in self.steps.values() if f"{INPUTS}.{name}" in step.needs)
+        asked = (step.when.name.removeprefix(f"{INPUTS}.") for step in using if step.when)
+        return list(dict.fromkeys(asked))
+
     def halo(self, settings: Mapping[str, Any]) -> float:
         """The largest distance in metres that a result looks into the sources.
 

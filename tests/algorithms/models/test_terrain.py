@@ -15,6 +15,7 @@ from pyproj import CRS
 import toolbox
 from toolbox import catalog
 from toolbox.data import PointCloud, Raster, Vector
+from toolbox.errors import ParameterError
 
 ROAD, BRIDGE = 11, 17
 
@@ -134,6 +135,15 @@ def test_known_water_is_laid_in_place_of_what_was_found() -> None:
     found = toolbox.run("models.terrain", {**values, "known_water": Vector(known)})
     assert found["dtm"].band()[60, 60] == np.float32(-0.5)
     assert found["water_bodies"].frame["evidence"].tolist() == ["known"]
+
+
+def test_known_water_that_nothing_would_lay_is_an_error_before_the_work() -> None:
+    """A river of a map was read, and the terrain was as if there were none, but for a warning."""
+    known = geopandas.GeoDataFrame({"level": [-0.5]}, geometry=[shapely.box(0, 0, 9, 9)], crs=32635)
+    values = {"points": canal(), "known_water": Vector(known)}
+    with pytest.raises(ParameterError, match="is used only with level_water") as told:
+        toolbox.run("models.terrain", values)
+    assert set(told.value.problems) == {"known_water"}
 
 
 def test_water_that_was_laid_has_the_headings_and_units_of_water_that_was_found() -> None:

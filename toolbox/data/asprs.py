@@ -69,10 +69,15 @@ def class_name(code: int) -> str:
 
     Examples
     --------
-    >>> class_name(6), class_name(26), class_name(65)
+    >>> class_name(6), class_name(30), class_name(65)
     ('Building', 'Reserved by the ASPRS', 'Defined by the producer')
+    >>> class_name(26)
+    'Bridges and quays in Dutch surveys'
     """
+    if code == _OF_AHN:
+        return "Bridges and quays in Dutch surveys"
     return CLASSES.get(code, "Reserved by the ASPRS" if code < _OWN else "Defined by the producer")
 
 
+_OF_AHN = 26  # "kunstwerk" of the AHN: reserved in LAS, and yet in each of its files
 _OWN = 64  # the first class that whoever makes a file may define

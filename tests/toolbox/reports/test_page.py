@@ -88,7 +88,10 @@ def test_classes_that_are_given_up_are_told_with_what_became_of_their_points() -
     before = PointCloud(xyz, {"classification": np.array([1, 26, 26, 26, 6])}, crs=None)
     after = PointCloud(xyz, {"classification": np.array([1, 2, 2, 5, 6])}, crs=None)
     spec = catalog.load("ground.classify")
-    gone = "Classes of the input that no point has any more: 26 (Reserved by the ASPRS, points: 3"
+    gone = (
+        "Classes of the input that no point has any more: "
+        "26 (Bridges and quays in Dutch surveys, points: 3"
+    )
     for given, told in ((before, ", now Ground 2, High vegetation 1)."), (after, None)):
         _, head = said(spec, {"classified": after}, None, Told(given={"points": given}))
         assert list(head.unseen) == ([gone + told] if told else [])

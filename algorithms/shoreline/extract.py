@@ -252,16 +252,17 @@ class ShorelineExtract:
         if self.seed_point:
             chosen = [at_place(cells, water, self.seed_point)]
         if others := [water[k] for k in every if k not in chosen]:
-            bodies, place = setting_name("bodies"), setting_name("seed_point")
-            how = f"; {bodies} all gives every one" if bodies else ""
-            how += f"; {place} takes the one at a place" if place else ""
             log.warning(
                 "points: %d other water bodies were found, of which the outlines alone are "
-                "given%s: %s",
+                "given: %s",
                 len(others),
-                how,
                 listed(cells, others),
             )
+            # No warning, which a report would show to people who run nothing.
+            if bodies := setting_name("bodies"):
+                log.info("%s all gives every one", bodies)
+            if place := setting_name("seed_point"):
+                log.info("%s takes the water at a place, such as one that is named here", place)
         rivers = [k for k in chosen if water[k].fall and not self.sloped]
         for k in rivers:
             setting = setting_name("sloped")

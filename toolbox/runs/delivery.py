@@ -138,14 +138,20 @@ def tell_missing(writes: Mapping[str, Target]) -> None:
 
 
 def tell_heights(crs: CRS | None) -> None:
-    """Warn that nobody knows what the heights of a set are measured from, and how to say it."""
+    """Warn that nobody knows what the heights of a set are measured from.
+
+    How to say it is no warning: reports and the README hold these, and their readers run nothing.
+    """
     if crs is None or height_system(crs) != NOT_STATED:
         return
     code = crs_text(crs)
     log.warning(
         "the data state no height system, so no height of the set can be compared with a gauge, a "
-        "map or another survey; where you know it, give it with the CRS, such as assume_crs %s, or "
-        "for good with points.assign_crs",
+        "map or another survey"
+    )
+    log.info(
+        "where you know the height system, give it with the CRS, such as assume_crs %s, or for "
+        "good with points.assign_crs",
         f"{code}+EPSG:CODE" if "[" not in code else "'COMPOUNDCRS[...]' (WKT)",
     )
 

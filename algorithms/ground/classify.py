@@ -73,8 +73,11 @@ class GroundClassify:
         ground_share: float = parameters.ground_share()
 
         def in_words(self) -> str:
-            """How much is ground."""
-            return f"{100 * self.ground_share:.1f} % of the points are ground (class 2)."
+            """How much is ground, and that water is not looked for here."""
+            return (
+                f"{100 * self.ground_share:.1f} % of the points are ground (class 2), returns from "
+                "water without a class of its own among them."
+            )
 
     def halo(self) -> float:
         """Distance beyond which the terrain does not change labels; measured, see the page."""

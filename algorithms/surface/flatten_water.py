@@ -35,6 +35,7 @@ Mask = NDArray[np.bool_]
 Surface = Callable[[Array, Array], Array]
 """The heights of a water at places x and y."""
 LEVEL, SLOPE, EVIDENCE = "level", "slope", "evidence"  # attributes of a polygon of water
+INTERVAL = "level_interval"  # half of the 95 % interval of the level
 COVERED = 0.5  # share of a found water: if more of it is known to be another one, it goes
 NO_SHORE = 1.0  # m below the water, as high as a wall: more than noise, waves and ditches explain
 
@@ -95,6 +96,13 @@ class SurfaceFlattenWater:
         ge=0,
         le=100,
         label="Width of the shore",
+    )
+    interval: float | None = param(
+        "Height between contours; water whose level is less certain than that is told",
+        default=None,
+        unit="m",
+        gt=0,
+        label="Height between lines",
     )
 
     @outputs
@@ -188,6 +196,7 @@ class SurfaceFlattenWater:
         bodies = found + known
         there = [body for body in bodies if len(body[1])]
         self._tell_deep(known, before, lattice)
+        self._tell_unsure()
         wet = np.zeros(heights.shape, bool)
         for _, rows, cols in there:
             wet[rows, cols] = True
@@ -250,6 +259,27 @@ class SurfaceFlattenWater:
                 unit,
                 east[col],
                 north[row],
+            )
+
+    def _tell_unsure(self) -> None:
+        """Log water that may stand on the other side of a contour than its shore shows."""
+        found = self._laid.frame
+        if self.interval is None or INTERVAL not in found:
+            return
+        unsure = found[2 * found[INTERVAL] > self.interval].sort_values(INTERVAL)
+        if len(unsure):
+            unit, _ = unit_of_heights(self.terrain.crs) or ("m", 1.0)
+            place, worst = unsure.geometry.iloc[-1].representative_point(), unsure.iloc[-1]
+            log.warning(
+                "%d waters have levels that are less certain (95 %%) than contours are apart, so "
+                "lines beside them may be of another height: the least certain one, at %.1f,%.1f, "
+                "is %.2f ± %.2f %s",
+                len(unsure),
+                place.x,
+                place.y,
+                worst[LEVEL],
+                worst[INTERVAL],
+                unit,
             )
 
     def _tell_deep(

@@ -274,3 +274,17 @@ def test_a_pool_does_not_raise_the_lower_one_beside_it() -> None:
     made = SurfaceFlattenWater(terrain=raster(np.full((20, 20), 12.0)), water=pools).run()
     np.testing.assert_array_equal(made.flattened.band()[9], [*[9] * 12, *[7] * 8])
     assert made.raised == 0
+
+
+@pytest.mark.parametrize(("half", "told"), [(0.6, True), (0.4, False), (None, False)])
+def test_water_that_is_less_certain_than_contours_are_apart_is_told(
+    half: float | None, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A creek known to ± 2.73 ft was laid level among contours of 2 ft without a word."""
+    water = Vector(pond().frame.assign(level_interval=[half]).astype({"level_interval": float}))
+    SurfaceFlattenWater(terrain=bowl(), water=water, interval=1.0).run()
+    assert ("1 waters have levels that are less certain" in caplog.text) == told
+    assert (f"is 10.00 ± {half or 0:.2f} m" in caplog.text) == told
+    caplog.clear()
+    SurfaceFlattenWater(terrain=bowl(), water=water).run()
+    assert "less certain" not in caplog.text, "there are no contours"

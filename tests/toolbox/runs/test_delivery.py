@@ -534,7 +534,7 @@ def test_the_same_in_tiles(points: Path, tmp_path: Path) -> None:
         "Date of the survey not known",
         "pulses per square metre",
         "Voids are counted whether they are water or not.",
-        " % of the points are ground (class 2).",
+        " % of the points are ground (class 2), returns from water without a class of its own",
     ):
         assert said in tiled
         assert said in whole
@@ -706,9 +706,14 @@ def test_heights_of_a_set_that_are_measured_from_nothing_known_are_told(
     model: str, points: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A level that no gauge can be compared with was handed over without a word."""
+    caplog.set_level("INFO", "toolbox")
     toolbox.run(model, {"points": points, "deliver": tmp_path / "a"})
     assert "the data state no height system" in caplog.text
     assert "assume_crs EPSG:32635+EPSG:CODE" in caplog.text
+    papers = [(tmp_path / "a" / name).read_text() for name in ("README.txt", "report.html")]
+    for text in papers:
+        assert "state no height system" in text
+        assert "EPSG:CODE" not in text, "how to run it again is not for a client"
     caplog.clear()
     said = {"assume_crs": "EPSG:32635+5773"}
     toolbox.run(model, {"points": points, "deliver": tmp_path / "b"}, **said)
@@ -730,6 +735,7 @@ def test_the_advice_on_heights_fits_the_crs(
     crs: CRS, advice: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """CRS without a code were told one that had nothing to do with them."""
+    caplog.set_level("INFO", "toolbox")
     delivery.tell_heights(crs)
     assert advice in caplog.text
     wkt = CompoundCRS("with heights", [crs, CRS("EPSG:5703")]).to_wkt()

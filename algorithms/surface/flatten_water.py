@@ -97,7 +97,7 @@ class SurfaceFlattenWater:
         le=100,
         label="Width of the shore",
     )
-    interval: float | None = param(
+    contour_interval: float | None = param(
         "Height between contours; water whose level is less certain than that is told",
         default=None,
         unit="m",
@@ -264,16 +264,16 @@ class SurfaceFlattenWater:
     def _tell_unsure(self) -> None:
         """Log water that may stand on the other side of a contour than its shore shows."""
         found = self._laid.frame
-        if self.interval is None or INTERVAL not in found:
+        if self.contour_interval is None or INTERVAL not in found:
             return
-        unsure = found[2 * found[INTERVAL] > self.interval].sort_values(INTERVAL)
+        unsure = found[2 * found[INTERVAL] > self.contour_interval].sort_values(INTERVAL)
         if len(unsure):
             unit, _ = unit_of_heights(self.terrain.crs) or ("m", 1.0)
             place, worst = unsure.geometry.iloc[-1].representative_point(), unsure.iloc[-1]
             log.warning(
-                "%d waters have levels that are less certain (95 %%) than contours are apart, so "
-                "lines beside them may be of another height: the least certain one, at %.1f,%.1f, "
-                "is %.2f ± %.2f %s",
+                "%d water bodies have a level that is less certain (95 %%) than contours are "
+                "apart, so that lines there may be of another height: that of the least certain "
+                "one, at %.1f,%.1f, is %.2f ± %.2f %s",
                 len(unsure),
                 place.x,
                 place.y,

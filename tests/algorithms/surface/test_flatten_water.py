@@ -282,8 +282,8 @@ def test_water_that_is_less_certain_than_contours_are_apart_is_told(
 ) -> None:
     """A creek known to ± 2.73 ft was laid level among contours of 2 ft without a word."""
     water = Vector(pond().frame.assign(level_interval=[half]).astype({"level_interval": float}))
-    SurfaceFlattenWater(terrain=bowl(), water=water, interval=1.0).run()
-    assert ("1 waters have levels that are less certain" in caplog.text) == told
+    SurfaceFlattenWater(terrain=bowl(), water=water, contour_interval=1.0).run()
+    assert ("a level that is less certain (95 %) than contours" in caplog.text) == told
     assert (f"is 10.00 ± {half or 0:.2f} m" in caplog.text) == told
     caplog.clear()
     SurfaceFlattenWater(terrain=bowl(), water=water).run()

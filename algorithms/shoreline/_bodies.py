@@ -45,9 +45,10 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.floating[Any]]
 
 # Lengths in metres, from the noise of airborne points (0.02 to 0.05) and the waves of small waters.
-COARSE = 4.0  # cells on which the density is counted
+COARSE = 4.0  # cells on which the density is counted, unless they hold too few points
 PER_CELL = 4.0  # points in a cell of land
-SMALLEST_CELL, LARGEST_CELL = 0.5, 10.0
+SMALLEST_CELL = 0.5
+SURE_CELLS = 12  # of a body: fewer hold few points by chance; 100 m2 are as many at 0.5 per m2
 REACH = 2  # cells on each side whose heights are compared
 CALM = 0.12  # spread of their heights on water
 WAVY = 0.3  # and on water with waves of 0.15 (standard deviation of points)
@@ -233,14 +234,8 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
     """Statistics of points in cells, whose size follows from the density of the points."""
     metre = points.metre
     corners = points.origin + UNIT * np.array([f(points.packed, axis=0) for f in (np.min, np.max)])
-    coarse = lattice_around(corners, COARSE * metre, count=len(points))
-    counts = np.zeros(coarse.rows * coarse.cols, np.int64)
-    for some in points.blocks():
-        counts += np.bincount(cells_of(points.xyz(some), coarse), minlength=len(counts))
-        ctx.progress(0.2 * some.stop / len(points))
-    density = float(np.percentile(counts[counts > 0], 75)) / coarse.cell**2
-    size = math.sqrt(PER_CELL / density) / metre
-    size = min(max(size, SMALLEST_CELL), LARGEST_CELL)
+    density = _density(points, corners, ctx.part(0.0, 0.2))
+    size = max(math.sqrt(PER_CELL / density) / metre, SMALLEST_CELL)
     lattice = lattice_around(corners, size * metre, count=len(points))
     low, high = (np.full(lattice.shape, v, np.float32) for v in (np.inf, -np.inf))
     bright = np.zeros(lattice.shape, np.float32)
@@ -285,6 +280,24 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
         surrounded,
         density,
     )
+
+
+def _density(points: Returns, corners: NDArray[np.float64], ctx: Context) -> float:
+    """Points per square unit on land, counted on cells that grow until most of these hold several.
+
+    Where most cells hold none, a single point would make the one that it is in seem dense.
+    """
+    size, extent = COARSE * points.metre, float(np.ptp(corners[:, :2], axis=0).max())
+    while True:
+        coarse = lattice_around(corners, size, count=len(points))
+        counts = np.zeros(coarse.rows * coarse.cols, np.int64)
+        for some in points.blocks():
+            counts += np.bincount(cells_of(points.xyz(some), coarse), minlength=len(counts))
+            ctx.progress(some.stop / len(points))
+        on_land = float(np.percentile(counts[counts > 0], 75))
+        if on_land >= PER_CELL or size >= extent:
+            return on_land / size**2
+        size *= 2
 
 
 Pool = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted plane
@@ -360,7 +373,8 @@ class Pour:
 
     Attributes
     ----------
-    least : cells of a body
+    least : cells of the least area
+    fewest : cells of a body
     first : fewest cells to begin with
     state : array of shape (rows, cols), TAKEN where a body has been found
     lowest : array of shape (rows, cols), to where water runs off: the median of the lowest heights
@@ -374,6 +388,7 @@ class Pour:
     def __init__(self, cells: CellGrid, least_area: float) -> None:
         self.cells, self.floor, self.rim = cells, cells.floor, cells.rim
         self.least = max(1, math.ceil(least_area / cells.area))
+        self.fewest = max(self.least, SURE_CELLS)
         self.first = math.ceil(self.least / START)
         self.lowest = _below(cells, self.first)
         self.empty()
@@ -410,7 +425,7 @@ class Pour:
         if lower > most_lower:
             self._note(starts, level, tilt)
             return self._refuse(body, f"water would run off to ground {DROP:g} m lower")
-        if len(body) < self.least:
+        if len(body) < self.fewest:
             return self._refuse(body, "too small")
         shore = self._shore(body)
         judged, why = judge(self.cells, body, level, tilt, shore, rough=rough)

@@ -69,6 +69,8 @@ ABRUPT = 0.75  # of a step from water to a level place: height of the cells besi
 STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
 SURROUNDED = 0.25  # share of the rim of a water without a shore that has points
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
+NEEDED = 100  # points of land that a water covers; of smaller ones most were lost
+FEWEST_POINTS = 50  # that tell water from land: as many as the smallest body would hold on land
 LISTED = 10  # bodies that are told of one by one
 IN_A_WARNING = 5  # places that one warning names
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
@@ -111,6 +113,9 @@ def find_water(
     ctx : progress and cancellation
     """
     cells = grid(points, ctx.part(0.0, 0.5))
+    if len(points) < FEWEST_POINTS:
+        log.warning("points: only %d take part, too few to tell water from land", len(points))
+        return cells, []
     pour = Pour(cells, least_area)
     bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
     found: list[Water] = []
@@ -121,8 +126,8 @@ def find_water(
         if k + 1 >= ROUNDS and len(bodies) == len(found):
             break
     found = _without_gaps(cells, found)  # of whose pieces some would be level
-    found = [part for water in found for part in _parted(points, cells, pour.least, water)]
-    found = [reach for water in found for reach in _reaches(points, cells, pour.least, water)]
+    found = [part for water in found for part in _parted(points, cells, pour.fewest, water)]
+    found = [reach for water in found for reach in _reaches(points, cells, pour.fewest, water)]
     ctx.progress(1.0)
     found = [water for water in found if not _is_road(cells, water)]
     if not level_alone:
@@ -263,7 +268,7 @@ def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
         nearest = (
             f"the largest place like that, {size:.0f} m2 at {x:.1f},{y:.1f}, is none: {reason}"
         )
-    log.warning("points: no water was found of at least %.0f m2; %s", pour.least * area, nearest)
+    log.warning("points: no water was found of at least %.0f m2; %s", pour.fewest * area, nearest)
     setting = setting_name("water_classes")
     log.info(
         "water loses half of its pulses, or is level and dark, or at the level of such water and "
@@ -276,7 +281,7 @@ def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
 
 def _tell_sparse(cells: CellGrid, least_area: float) -> None:
     """Log that waters which are asked for are smaller than points can tell."""
-    narrow = NARROW * cells.lattice.cell
+    narrow, needed = NARROW * cells.lattice.cell, NEEDED / cells.density
     if narrow**2 > least_area:
         area = cells.metre**2
         log.warning(
@@ -286,7 +291,7 @@ def _tell_sparse(cells: CellGrid, least_area: float) -> None:
             cells.density * area,
             cells.lattice.cell / cells.metre,
             narrow / cells.metre,
-            narrow**2 / area,
+            needed / area,
             least_area / area,
         )
 

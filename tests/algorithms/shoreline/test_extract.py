@@ -402,6 +402,54 @@ def test_no_points_no_water(caplog: Any) -> None:
     assert "there are none" in caplog.text
 
 
+@pytest.mark.parametrize("count", [1, 2, 40])
+def test_few_points_tell_no_water_and_say_so(count: int, caplog: Any) -> None:
+    points = lake(density=0.3).select(np.arange(count) * 5)
+    found = extract(points, bodies="all")
+    assert found.count == 0
+    assert found.level is None
+    assert f"only {count} take part, too few to tell water" in caplog.text
+    assert "per m2" not in caplog.text  # so few do not tell how dense they are
+
+
+def thinned(cloud: PointCloud, share: float, seed: int) -> PointCloud:
+    return cloud.select(np.random.default_rng(seed).random(len(cloud)) < share)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hills_with_a_point_in_some_cells_are_no_water(
+    seed: int, data: Callable[[str], Path], caplog: Any
+) -> None:
+    """Cells with a single point seemed dense: up to 39 000 m2 of hills were water in 17 bodies."""
+    cloud = PointCloud.open(data("lidr_topography/Topography.laz"))
+    assert extract(thinned(cloud, 0.02, seed), bodies="all").count == 0
+    (area,) = re.findall(r"most below (\d+) m2, though the least area is 100 m2", caplog.text)
+    assert 4000 < float(area) < 10_000  # points are 7 to 9 m apart
+
+
+def test_few_cells_at_the_edge_of_sparse_data_are_no_water(data: Callable[[str], Path]) -> None:
+    """One of 667 m2 was found, 17 m above the land around it."""
+    cloud = PointCloud.open(data("lidr_topography/Topography.laz"))
+    water = extract(thinned(cloud, 0.078, 102), bodies="all").water.frame
+    assert len(water) == 2
+    assert water["area"].min() > 2000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sea_dam_of_which_two_points_in_a_hundred_are_left(
+    seed: int, data: Callable[[str], Path]
+) -> None:
+    cloud = PointCloud.open(data("water_denoever_ahn3/AHN3.laz")).with_crs(CRS(28992))
+    whole, thin = (
+        extract(one, bodies="all").water.frame for one in (cloud, thinned(cloud, 0.02, seed))
+    )
+    assert len(whole) == len(thin) == 2
+    for k in range(2):
+        assert iou(whole.geometry.iloc[k], thin.geometry.iloc[k]) > 0.88
+        assert thin["level"].iloc[k] == pytest.approx(whole["level"].iloc[k], abs=0.02)
+
+
 def score(kind_seed: int, size: float, density: float) -> list[tuple[float, float, int, int]]:
     """IoU, error of the level, islands found and true, of each body of a synthetic reservoir."""
     made = scene("reservoir", size=size, density=density, seed=kind_seed)

@@ -527,7 +527,8 @@ class Pour:
                 self.ran_off.append(body)
                 return []
             cells = body.cells[self.state.ravel()[body.cells] != TAKEN]
-        if not body.holds and self._above_water(cells, height) > most:
+        is_bank = not body.holds and self._above_water(cells, height) > most
+        if is_bank or not len(cells):  # of holes at the edge of the data alone nothing is held
             self.ran_off.append(body)
             return []
         cells = self._enclosed(cells, top + max(CREST * sigma, step), tilt)

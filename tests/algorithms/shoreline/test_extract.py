@@ -450,6 +450,13 @@ def test_a_sea_dam_of_which_two_points_in_a_hundred_are_left(
         assert thin["level"].iloc[k] == pytest.approx(whole["level"].iloc[k], abs=0.02)
 
 
+def test_a_hole_outside_of_all_points_holds_no_water_and_does_not_stop_the_run() -> None:
+    """South of a corridor that bends; water that was poured there stopped the run."""
+    made = scene("power_lines", size=300, density=1.5, seed=901)
+    points = PointCloud(made.xyz, made.attributes, crs=CRS(32635))
+    assert extract(points, bodies="all", sloped=True).count == 0
+
+
 def score(kind_seed: int, size: float, density: float) -> list[tuple[float, float, int, int]]:
     """IoU, error of the level, islands found and true, of each body of a synthetic reservoir."""
     made = scene("reservoir", size=size, density=density, seed=kind_seed)

@@ -75,6 +75,8 @@ SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
 FEWEST_SECTORS = 6
 RIM = 3.0  # m from a shore, to where a bank reaches but no parapet
 WALL = 1.0  # m that a wall is high
+BANK = 20.0  # m from a shore, to where it rises by what water does not run over
+BANKS = 0.75  # of the rim of a water: rivers go on beyond the data, and at rapids
 GROWN = 10  # times its cells: nine tenths of a body that grew so were not looked at
 START = 4  # starting cells may be this many times fewer than those of a body
 WIDE = 0.2  # of its cells are not at the edge of a hole that nothing else speaks for
@@ -829,7 +831,8 @@ def judge(
     """The body with the evidence that it is water, or none if that is too weak, and why.
 
     An area that returns no pulses is water, unless it is narrow as shadows are. One that returns
-    them must be level, and very dark or large. A rough one must be dark in any case.
+    them must be level, and very dark or large. A rough one must be dark in any case. What one
+    flight covers beside ground that two cover has fewer points, but no banks.
 
     Parameters
     ----------
@@ -843,10 +846,11 @@ def judge(
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
     level_enough = tilt == LEVEL and _is_level(cells, body)
     shaped = level_enough and _bent(cells, body)
+    fewer = SPARSE < lost <= FEWER and level_enough and not shaped
     across = tilt != LEVEL and dark >= VERY_DARK and flows(cells, body, tilt)
     reasons = {
         FEW: lost <= SPARSE,
-        "fewer returns": SPARSE < lost <= FEWER and level_enough and not shaped,
+        "fewer returns": fewer and _beside_banks(cells, body, level),
         "level": level_enough,
         "level across": across,
         "dark": dark >= DARK and not shaped,
@@ -877,6 +881,21 @@ def _lost(cells: CellGrid, body: Ints, ring: Ints) -> float:
     if not (len(body) and len(ring)):
         return 1.0
     return float(cells.count.ravel()[body].mean() / median_of_counts(cells.count.ravel()[ring]))
+
+
+def _beside_banks(cells: CellGrid, body: Ints, level: float) -> bool:
+    """Whether ground beside most of the rim of a place is higher than water runs over.
+
+    Ground that one flight covers has half of the points of that which two cover, and level ground
+    ends where it rises by little, or at the edge of the data, beyond which no bank is known.
+    """
+    width = max(REACH, math.ceil(BANK * cells.metre / cells.lattice.cell))
+    (top, left), wet = window(cells.lattice, body, width)
+    ground = cells.middle[top : top + wet.shape[0], left : left + wet.shape[1]]
+    ground = np.where(wet | np.isnan(ground), -np.inf, ground)
+    banks = ndimage.maximum_filter(ground, 2 * width + 1) >= level + DROP * cells.metre
+    rim = ndimage.binary_dilation(wet, np.ones((3, 3), bool)) & ~wet
+    return bool(banks[rim].mean() >= BANKS)
 
 
 def median_of_counts(counts: NDArray[np.integer[Any]]) -> float:

@@ -91,3 +91,28 @@ def river(*, seed: int = 0, fall: float = 0.004, returned: float = 0.3) -> Point
     intensity = rng.lognormal(np.where(wet, 5.0, 7.0), 0.2).astype(np.uint16)
     xyz = np.round(np.column_stack([xy, z])[kept], 3) + ORIGIN
     return PointCloud(xyz, columns(intensity[kept], wet[kept]), crs=UTM, name="river.laz")
+
+
+def floor(*, seed: int = 0, density: float = 2.0, rise: float = 0.02) -> PointCloud:
+    """Level ground that one flight covers, beside ground that rises and two cover; no water.
+
+    Parameters
+    ----------
+    density : of points where one flight covers the ground
+    rise : slope of the ground in the east
+    """
+    rng = np.random.default_rng(seed)
+    side = 1.5 * SIDE
+    xy = rng.uniform(0, side, (int(2 * density * side**2), 2))
+    x, y = xy.T
+    kept = (x > 60) | (rng.random(len(x)) < 0.5)
+    border = 60 + 8 * np.sin(y / 25)
+    z = (
+        100
+        + np.clip(rise * (x - border), 0, 3)
+        + rng.normal(0, 0.025, len(x))
+        + 0.02 * np.sin(x / 15)
+    )
+    xyz = np.round(np.column_stack([xy, z])[kept], 3) + ORIGIN
+    intensity = rng.lognormal(7.0, 0.25, len(xyz)).astype(np.uint16)
+    return PointCloud(xyz, columns(intensity, np.zeros(len(xyz), bool)), crs=UTM, name="floor.laz")

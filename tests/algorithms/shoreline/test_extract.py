@@ -15,7 +15,7 @@ import pytest
 import shapely
 from pyproj import CRS
 from scenes import waters
-from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, UTM, columns, lake, river, slope
+from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, UTM, columns, floor, lake, river, slope
 
 from algorithms.samples.scene import scene
 from algorithms.shoreline import _water
@@ -587,6 +587,17 @@ def test_level_water_that_returns_fewer_pulses_than_land_is_found(
         assert set(found.water.frame["evidence"]) == {"fewer returns, level"}
     else:
         assert "1 level places are left out" in caplog.text
+
+
+@pytest.mark.parametrize("rise", [0.005, 0.02, 0.1])
+@pytest.mark.parametrize("density", [1.0, 4.0])
+def test_level_ground_that_one_flight_covers_beside_two_is_no_water(
+    density: float, rise: float
+) -> None:
+    """It has fewer points than the ground beside it, but no banks: 0.6 to 1 ha were water."""
+    points = floor(density=density, rise=rise)
+    assert extract(points, bodies="all", sloped=True).count == 0
+    assert extract(points, level_alone=True).area > 5000  # level it is
 
 
 def test_waters_that_the_data_cut_are_told_in_one_line() -> None:

@@ -14,6 +14,7 @@ from scipy import ndimage
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import (
     CONTACT,
+    DARK,
     ENDS,
     LARGE,
     LEVEL,
@@ -127,7 +128,12 @@ def find_water(
             break
     found = _without_gaps(cells, found)  # of whose pieces some would be level
     found = [part for water in found for part in _parted(points, cells, pour.fewest, water)]
-    found = [reach for water in found for reach in _reaches(points, cells, pour.fewest, water)]
+    found = [
+        reach
+        for water in found
+        for reach in _reaches(points, cells, pour.fewest, water)
+        if reach is water or _is_wet(cells, water, reach)
+    ]
     ctx.progress(1.0)
     found = [water for water in found if not _is_road(cells, water)]
     if not level_alone:
@@ -164,6 +170,16 @@ def _reaches(points: Returns, cells: CellGrid, least: int, water: Water) -> list
         return [water]
     found = with_levels(points, cells, parts)
     return [reach for part in found for reach in _reaches(points, cells, least, part)]
+
+
+def _is_wet(cells: CellGrid, whole: Water, reach: Water) -> bool:
+    """Whether a part of a water looks like it does: several ponds may be filled over their dikes.
+
+    What is cut from them is then dikes and land beside, too, at heights of their own.
+    """
+    if not (whole.body.few or whole.body.dark >= DARK):
+        return True
+    return looks_like_water(cells, reach.body.cells, shore_of(cells, whole.body.cells))
 
 
 def _without_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Water]:

@@ -736,6 +736,15 @@ def test_fields_on_terraces_are_found_and_ground_beside_them_is_none() -> None:
     assert (abs(np.sort(water["level"]) - sorted(w.level for w in made.waters)) < 0.1).all()
 
 
+def test_dikes_and_land_over_which_ponds_were_filled_are_no_reaches() -> None:
+    """Seven bodies of 684 to 3230 m2 were cut from ponds that waves and wide cells had joined."""
+    made = waters.survey("fish_ponds", 712)
+    ponds = shapely.union_all([outline.buffer(6) for outline in made.outlines])
+    _, water = scored(made)
+    off = [one.difference(ponds).area / one.area for one in water.geometry]
+    assert max(off) < 0.3
+
+
 @pytest.mark.parametrize("seed", [407, 420])
 def test_a_dark_road_in_a_cutting_is_no_river(seed: int) -> None:
     """One falls by 0.5 %, the other by 1.3 %, and its crown is 10 cm high."""

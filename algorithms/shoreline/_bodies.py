@@ -59,6 +59,7 @@ STEP = 0.10  # above the level where a first look at a body ends
 DROP = 0.25  # below the level: water does not stay above such ground
 WEIR = 1.0  # m from water to lower water beside it, at a weir or rapids
 RUN_OFF = 0.02  # share of a body that may seem to lie lower
+BLOCK = 4  # cells, with 64 points of land: flights that cover them have some there
 SPARSE = 0.5  # of the density of the shore: pulses were lost
 FEWER = 0.75  # half of the way to it: enough for what is level and of no shape, as water is
 DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1 for a full one
@@ -111,6 +112,7 @@ class CellGrid:
     known : number of cells around that have points, of 25
     inside : whether the cell has data, or lies between data in its row or column
     surrounded : whether it has data, or lies between data in its row and in its column
+    flights : number of flights that cover the cell, at least 1
     density : points per square unit on land
     """
 
@@ -127,6 +129,7 @@ class CellGrid:
     known: NDArray[np.uint8]
     inside: Mask
     surrounded: Mask
+    flights: NDArray[np.uint16]
     density: float
 
     @property
@@ -243,10 +246,13 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
     bright = np.zeros(lattice.shape, np.float32)
     count, water = np.zeros(lattice.shape, np.int32), np.zeros(lattice.shape, np.int32)
     base = float(corners[0, 2])
+    seen = _Seen.by(points.strip, lattice)
     for some in points.blocks():
         xyz = points.xyz(some)
+        cell = cells_of(xyz, lattice)
+        seen.mark(points.strip[some], cell)
         kernels.gather(
-            cells_of(xyz, lattice),
+            cell,
             xyz[:, 2] - base,
             points.intensity[some],
             points.water[some],
@@ -280,8 +286,37 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
         known,
         inside,
         surrounded,
+        seen.flights(),
         density,
     )
+
+
+class _Seen(NamedTuple):
+    """In which blocks of cells each flight has points, shape (flights, rows, cols)."""
+
+    lattice: Lattice
+    number: NDArray[np.intp]
+    blocks: Mask
+
+    @classmethod
+    def by(cls, strip: NDArray[np.uint16], lattice: Lattice) -> _Seen:
+        """No blocks yet; `strip` are those of all points."""
+        there = np.bincount(strip, minlength=1) > 0
+        shape = (int(there.sum()), *(-(-size // BLOCK) for size in lattice.shape))
+        return cls(lattice, np.cumsum(there) - 1, np.zeros(shape, bool))
+
+    def mark(self, strip: NDArray[np.uint16], cell: NDArray[np.integer[Any]]) -> None:
+        """Take in some points, by their flights and cells."""
+        if len(self.blocks) > 1:
+            row, col = np.divmod(cell, self.lattice.cols)
+            self.blocks[self.number[strip], row // BLOCK, col // BLOCK] = True
+
+    def flights(self) -> NDArray[np.uint16]:
+        """How many flights cover each cell: what lies amid points of one is covered, too."""
+        amid = (one | (between(one, 0) & between(one, 1)) for one in self.blocks)
+        count = np.maximum(sum(one.astype(np.uint16) for one in amid), 1).astype(np.uint16)
+        rows, cols = self.lattice.shape
+        return np.asarray(count.repeat(BLOCK, 0).repeat(BLOCK, 1)[:rows, :cols])
 
 
 def _density(points: Returns, corners: NDArray[np.float64], ctx: Context) -> float:
@@ -841,6 +876,8 @@ def judge(
     count = cells.count.ravel()
     here = body[count[body] > 0]
     lost = _lost(cells, body, ring)
+    if lost <= FEWER < (by_flights := _lost_by_flights(cells, body, ring)):
+        lost = by_flights
     amid = _darkness(cells, body, shore_of(cells, body))
     dark = amid if rough else _darkness(cells, body, ring)  # wet banks are rough and dark, too
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
@@ -881,6 +918,17 @@ def _lost(cells: CellGrid, body: Ints, ring: Ints) -> float:
     if not (len(body) and len(ring)):
         return 1.0
     return float(cells.count.ravel()[body].mean() / median_of_counts(cells.count.ravel()[ring]))
+
+
+def _lost_by_flights(cells: CellGrid, body: Ints, ring: Ints) -> float:
+    """As :func:`_lost`, of the points for each flight: ground that one covers has half of those
+    where two do.
+    """
+    whole, each = cells.whole.ravel(), (cells.count / cells.flights).ravel()
+    body, ring = body[whole[body]], ring[whole[ring]]
+    if not (len(body) and len(ring)):
+        return 1.0
+    return float(each[body].mean() / np.median(each[ring]))
 
 
 def _beside_banks(cells: CellGrid, body: Ints, level: float) -> bool:

@@ -600,6 +600,33 @@ def test_level_ground_that_one_flight_covers_beside_two_is_no_water(
     assert extract(points, level_alone=True).area > 5000  # level it is
 
 
+def pit(seed: int, *, returned: float = 1.0) -> PointCloud:
+    """A pit with a level floor, along the gap between two flights where a third one is alone."""
+    rng = np.random.default_rng(seed)
+    density, depth = rng.choice([1.0, 3.0, 6.0]), rng.choice([0.6, 1.5, 4.0])
+    west, wide, long = 120.0, rng.uniform(25, 60), rng.uniform(60, 180)
+    xy = rng.uniform(0, 300, (rng.poisson(2 * density * 300**2), 2))
+    other = rng.random(len(xy)) < 0.5
+    kept = ~other | (xy[:, 0] < west) | (xy[:, 0] > west + wide)
+    middle, half = np.array([west + wide / 2, 150]), np.array([wide + rng.uniform(-8, 4), long]) / 2
+    outside = np.max(abs(xy - middle) - half, axis=1)
+    rise = np.where(outside > 0, rng.choice([0.0, 0.01, 0.04]) * np.hypot(*(xy - middle).T), 0.0)
+    z = np.clip(outside / 2, 0, depth) + rise + rng.normal(0, 0.03, len(xy))
+    kept &= (outside > 0) | (rng.random(len(xy)) < returned)
+    intensity = rng.normal(np.where(outside < 0, 280, 300), 50).clip(1).astype(np.uint16)[kept]
+    attributes = columns(intensity, np.zeros(len(intensity), bool))
+    attributes["point_source_id"] = (1 + other[kept]).astype(np.uint16)
+    xyz = np.round(np.column_stack([xy, z])[kept], 3) + ORIGIN
+    return PointCloud(xyz, attributes, crs=UTM, name="pit.laz")
+
+
+@pytest.mark.parametrize("seed", [0, 5, 7])
+def test_a_pit_that_one_flight_covers_beside_two_is_no_water(seed: int) -> None:
+    """It has banks all around and half of their points: more than half of such were water."""
+    assert extract(pit(seed), bodies="all", sloped=True).count == 0
+    assert extract(pit(seed, returned=0.35), bodies="all").count == 1
+
+
 def test_waters_that_the_data_cut_are_told_in_one_line() -> None:
     rows = [
         {"body": k, "open_length": 10.0 * (k != 2), "perimeter": 90.0}

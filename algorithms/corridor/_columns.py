@@ -11,7 +11,12 @@ LENGTHS = {
         2,
         meaning="In the direction of the rule; of a tree that may fall, as it stands",
     ),
-    "clearance_low": Column("Clearance, least at other temperatures", "m", 2),
+    "clearance_low": Column(
+        "Clearance, least at other temperatures",
+        "m",
+        2,
+        meaning="Empty where the clearance is that in another state than the survey",
+    ),
     "clearance_high": Column("Clearance, greatest at other temperatures", "m", 2),
     "required": Column("Required", "m", 2),
     "distance": Column("Distance in space", "m", 2),

@@ -11,7 +11,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
-from toolbox.data.asprs import CLASSES
+from toolbox.data.asprs import class_label
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, sink, source, tool
 from toolbox.errors import DataError
@@ -91,7 +91,7 @@ class PointsFeatureCodes:
         """Code and description by class: of the table, or the classes that there are."""
         if self.code_table is None:
             numbers = there.tolist()
-            return {n: n for n in numbers}, {n: CLASSES.get(n, f"Class {n}") for n in numbers}
+            return {n: n for n in numbers}, {n: class_label(n) for n in numbers}
         rows = self.code_table.rows()
         wrong = [r for r in rows if not (_is_whole(r[CLASS], 255) and _is_whole(r[CODE], MOST))]
         if wrong:

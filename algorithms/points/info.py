@@ -13,7 +13,7 @@ from algorithms.shared.returns import ReturnNumbers, has_numbers
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey, Table
 from toolbox.data.area_of_use import misplaced
-from toolbox.data.asprs import CLASSES
+from toolbox.data.asprs import NAMES
 from toolbox.data.crs import (
     describe_crs,
     height_system,
@@ -202,7 +202,7 @@ def _counts(cloud: PointCloud) -> Iterator[Row]:
         if name not in cloud:
             continue
         for value, count in zip(*np.unique(cloud[name], return_counts=True), strict=True):
-            known = CLASSES.get(value, "") if name == "classification" else ""
+            known = NAMES.get(value, "") if name == "classification" else ""
             label = f"{name} {value:g} {known}".strip()
             yield {"property": label, "value": int(count), "unit": "points"}
     for name in ("synthetic", "key_point", "withheld", "overlap"):

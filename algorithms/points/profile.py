@@ -16,7 +16,7 @@ from algorithms.shared.ground import without_withheld
 from algorithms.shared.routes import IndexedRoute, Route, routes
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Drawing, PointCloud, Survey, Vector
-from toolbox.data.asprs import CLASSES, COLOURS
+from toolbox.data.asprs import COLOURS, class_label
 from toolbox.data.crs import vertical_unit
 from toolbox.data.drawing import Panel
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -138,7 +138,7 @@ class PointsProfile:
         drawing = Drawing(
             self.points.name,
             tuple(panels),
-            tuple((CLASSES.get(c, f"Class {c}"), COLOURS.get(c, GREY)) for c in range(256))
+            tuple((class_label(c), COLOURS.get(c, GREY)) for c in range(256))
             if "classification" in cloud
             else (("Points", GREY),),
             crs=self.points.crs,

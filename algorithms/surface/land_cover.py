@@ -16,7 +16,7 @@ from algorithms.shared.polygons import cells_within, polygons
 from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
-from toolbox.data.asprs import CLASSES
+from toolbox.data.asprs import class_label
 from toolbox.data.crs import crs_conflict
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -183,7 +183,7 @@ def areas(cover: Ints, sizes: Floats) -> Table:
     return Table.from_rows(
         {
             "class": number,
-            "name": CLASSES.get(number, f"Class {number}"),
+            "name": class_label(number),
             "area_m2": round(area, 2),
             "share": round(area / whole, 4) if whole else 0.0,
         }

@@ -34,6 +34,11 @@ CLASSES: Mapping[int, str] = MappingProxyType(
 )
 """Name of each class: LAS 1.4 R15 (ASPRS 2019), table 17, with 8 and 12 as of LAS 1.2."""
 
+NAMES: Mapping[int, str] = MappingProxyType(
+    {**CLASSES, 26: "Bridges and quays in Dutch surveys"}  # the "kunstwerk" of the AHN
+)
+"""Those, and what a class that LAS reserves is in surveys of a whole country."""
+
 COLOURS: Mapping[int, str] = MappingProxyType(
     {
         0: "#c9c9c9",
@@ -59,6 +64,7 @@ COLOURS: Mapping[int, str] = MappingProxyType(
         20: "#e0cfa6",
         21: "#dff0f8",
         22: "#c3c2dc",
+        26: "#c07c74",
     }
 )
 """Colour of each class in plots, drawings and QGIS."""
@@ -74,10 +80,16 @@ def class_name(code: int) -> str:
     >>> class_name(26)
     'Bridges and quays in Dutch surveys'
     """
-    if code == _OF_AHN:
-        return "Bridges and quays in Dutch surveys"
-    return CLASSES.get(code, "Reserved by the ASPRS" if code < _OWN else "Defined by the producer")
+    return NAMES.get(code, "Reserved by the ASPRS" if code < _OWN else "Defined by the producer")
 
 
-_OF_AHN = 26  # "kunstwerk" of the AHN: reserved in LAS, and yet in each of its files
+def class_label(code: int) -> str:
+    """The name of a class, or its number.
+
+    >>> class_label(6), class_label(30)
+    ('Building', 'Class 30')
+    """
+    return NAMES.get(code, f"Class {code}")
+
+
 _OWN = 64  # the first class that whoever makes a file may define

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.data import Lattice, PointCloud, Raster
-from toolbox.data.asprs import CLASSES, COLOURS
+from toolbox.data.asprs import COLOURS, NAMES
 from toolbox.data.crs import LENGTHS, vertical_unit
 from toolbox.data.report import unit_text
 from toolbox.declare.show import Classes, Planes, Show, Values
@@ -24,7 +24,7 @@ Looks: TypeAlias = Mapping[int, tuple[str, Colour]]
 Bounds: TypeAlias = tuple[float, float, float, float]
 Array: TypeAlias = NDArray[np.float64]
 
-POINT_CLASSES: Looks = {code: (name, COLOURS[code]) for code, name in CLASSES.items()}
+POINT_CLASSES: Looks = {code: (name, COLOURS[code]) for code, name in NAMES.items()}
 """Name and colour of the point classes."""
 
 OTHER = (

@@ -134,7 +134,8 @@ def object_layer(
         rule = rules[one.rule]
         ruled = rule.severity not in (NO_RULE, UNSURE)
         falls = rule.id == FALLING.id
-        low, high = interval_of(one, rule, surroundings, line)
+        surveyed = one.state == 0  # the interval is of the wire as surveyed, colder or warmer
+        low, high = interval_of(one, rule, surroundings, line) if surveyed else (math.nan,) * 2
         rows.append(
             {
                 "object_id": number,

@@ -111,7 +111,7 @@ KIND_CAPTION = (
     "no rule; its points by their distance from the wires; and the rules it is held to. Line means "
     "the conductors of another line"
 )
-NO_PART_CAPTION = "No distance was measured to these points"
+NO_PART_CAPTION = "These points are part of no object"
 ZONE_CAPTION = (
     "For each span: how many points of objects lie how far, in space, from the nearest wire as "
     "surveyed; the ground, and plants that are too low, do not count"
@@ -237,7 +237,7 @@ def _summary(
     watched = severities.count("watch") - falling
     near = [one for one, word in zip(objects, severities, strict=True) if word in BROKEN]
     told = [_too_near(line, rules, near, coverage), _in_clumps(listed), _only_moved(listed)]
-    told.append(f"Trees that reach a wire if they fall: {falling}." if falling else "")
+    told.append(f"Further trees that reach a wire if they fall: {falling}." if falling else "")
     told.append(f"Trees that will be too near when they have grown: {watched}." if watched else "")
     told.append(f"Objects that are near and have no rule: {unruled}." if unruled else "")
     told.append(_like_wires(listed))
@@ -319,17 +319,17 @@ def _distances(rules: Sequence[Rule]) -> str:
 
 def _in_clumps(listed: pd.DataFrame) -> str:
     """In how many clumps the objects that break a rule stand; "" where each is one of its own."""
-    own = listed[~listed["severity"].isin([NO_RULE, UNSURE])]
+    own = listed[listed["severity"].isin(BROKEN)]
     clumps = own["clump"].nunique()
     return f"They stand in {clumps} clumps." if 0 < clumps < len(own) else ""
 
 
 def _only_moved(listed: pd.DataFrame) -> str:
-    """How many objects are listed only with the wires hot or in wind, by state; "" for none."""
-    own = listed[~listed["severity"].isin([NO_RULE, UNSURE]) & ~listed["as_surveyed"].astype(bool)]
+    """How many objects break a rule only with the wires hot or in wind, by state; "" for none."""
+    own = listed[listed["severity"].isin(BROKEN) & ~listed["as_surveyed"].astype(bool)]
     states = own["state"].value_counts(sort=False)
-    told = ", ".join(f"{count} at {name}" for name, count in states.items())
-    return f"Not as surveyed, but only when the wires are hot or in wind: {told}." if told else ""
+    told = ", ".join(f"{count} ({name})" for name, count in states.items())
+    return f"Too near only when the wires are hot or in wind: {told}." if told else ""
 
 
 def _list(listed: pd.DataFrame) -> list[Rows | str]:
@@ -386,7 +386,10 @@ def _rest_text(line: LineStates, rest: AtRest, conductor: Conductor | None) -> s
         )
     else:
         source = "computed from current and weather (IEEE 738)" if rest.computed else "given"
-        text = f"In the survey the wires had {rest.surveyed:.1f} °C, as {source}."
+        text = (
+            f"In the survey the wires had {rest.surveyed:.1f} °C, as {source}; it is taken to be "
+            f"from {told.surveyed[0]:g} to {told.surveyed[1]:g} °C."
+        )
     which = f"{conductor.name}" if conductor else "not known: any of the table of conductors"
     colder, warmer = told.change
     up, down = _moves(line)
@@ -751,11 +754,13 @@ def _profile(
         drawing.curve(x, y, SEVERITY_COLOURS[rules[one.rule].severity], 1.0)
     _mark(drawing, rules, spots)
     worst = ""
-    if spots:
-        urgent = spots[0][1]
+    sure = [one for _, one, _ in spots if rules[one.rule].severity != UNSURE]
+    unsure = f" and {len(spots) - len(sure)} not sure" if len(sure) < len(spots) else ""
+    if sure:
+        urgent = sure[0]
         worst = f"; the most urgent: {_urgency(urgent, rules[urgent.rule])}"
     caption = (
-        f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(spots)} objects{worst}. "
+        f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(sure)} objects{unsure}{worst}. "
         f"Points up to {PROFILE_BESIDE:.0f} m to the side, darker the ground up to "
         f"{RIGHT_BELOW:.0f} m from below a wire; numbers as in the tables."
     )

@@ -204,10 +204,7 @@ def surroundings_of(
     low = np.where(np.isin(kind, PLANTS) & (height < lowest), kind, TAKES_NO_PART)
     kind[low >= 0] = TAKES_NO_PART
     if lowest:
-        why = (
-            f'Plants, or what may be, lower than {lowest:g} m, the setting "Lowest object" '
-            "(min_object_height)"
-        )
+        why = f'Plants, or what may be, lower than {lowest:g} m, the setting "Lowest object"'
         left_out[why] = int((low >= 0).sum())
     hanging = np.full_like(kind, TAKES_NO_PART)
     return Surroundings(index, xyz, kind, height, low, hanging, left_out)

@@ -25,6 +25,7 @@ from algorithms.corridor._clearance.coverage import approach, stand_ins
 from algorithms.corridor._clearance.distances import distances, fall_in, find_violations
 from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.objects import groups, tree_tops
+from algorithms.corridor._clearance.report import _in_clumps
 from algorithms.corridor._clearance.rules import (
     KINDS,
     Rule,
@@ -170,6 +171,7 @@ def test_what_hangs_in_mid_air_on_a_wire_or_tower_is_not_sure_to_be_a_tree(
     assert listed["Objects, the most urgent first"][0].startswith("None")
     assert len(listed["Not sure: plants or parts of the line"][0].table) == 1
     assert (found["object_count"], found["critical_count"], found["unsure_count"]) == (0, 0, 1)
+    assert "0 objects and 1 not sure." in found["report"].html(), "below its profile"
     assert set(found["violations"]["severity"]) == {5}
     assert found["spans"].frame["tree"].isna().all()
     assert f"{len(points)} points hang in mid-air" in caplog.text
@@ -773,7 +775,8 @@ def test_what_is_listed_only_with_hot_or_windy_wires_is_told_apart() -> None:
     }
     assert set(frame.state) == {"90 C"}, "each in the state in which it is worst"
     assert found["violations"]["as_surveyed"].tolist() == [1] * 5 + [0] * 5
-    told = "Not as surveyed, but only when the wires are hot or in wind: 1 at 90 C."
+    assert frame[["clearance_low", "clearance_high"]].isna().all(axis=None), "of the survey alone"
+    told = "Too near only when the wires are hot or in wind: 1 (90 C)."
     assert told in found["report"].summary
     calm = run(points, distance=5.0, falling=False)
     assert calm["objects"].frame.as_surveyed.tolist() == [True]
@@ -855,6 +858,8 @@ def test_trees_of_one_clump_carry_its_number() -> None:
     assert sorted(frame["clump"].unique()) == [1, 2]
     assert (frame["clump"] == frame["clump"].mode()[0]).sum() == len(frame) - 1
     assert "They stand in 2 clumps." in result["report"].summary
+    listed = pd.DataFrame({"severity": ["critical", "critical", "watch"], "clump": [1, 1, 2]})
+    assert _in_clumps(listed) == "They stand in 1 clumps.", "of those that are too near"
 
 
 def test_trees_that_will_grow_too_close_are_watched() -> None:

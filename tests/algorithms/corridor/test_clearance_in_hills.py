@@ -487,7 +487,10 @@ def test_an_unsure_temperature_of_the_survey_widens_the_range_by_two_deviations(
     ):
         given = {"survey_temperature": survey, "survey_temperature_sd": sd}
         found = toolbox.run("corridor.clearance", {**values, **limits, **given})
-        assert f"so up to {told} less than in the survey" in found["report"].html()
+        page = found["report"].html()
+        assert f"so up to {told} less than in the survey" in page
+        low, high = survey - 2 * sd, survey + 2 * sd
+        assert f"it is taken to be from {low:g} to {high:g} °C" in page, "of which the range is"
     air = {"survey_air_temperature": 25.0}
     page = toolbox.run("corridor.clearance", {**values, **limits, **air})["report"].html()
     assert "from 25 to 40 °C. At other times" in page
@@ -518,7 +521,7 @@ def test_grass_is_no_object_and_what_is_left_out_is_told() -> None:
         assert (found["object_count"], found["low_object_count"]) == (1, 3)
         assert found["points_0_20"] == 6
         unseen = found["report"].head.unseen
-        setting = 'the setting "Lowest object" (min_object_height)'
+        setting = 'the setting "Lowest object"'
         assert f"Plants, or what may be, lower than 2 m, {setting}: 18 points." in unseen
         assert "Of these, would break a rule or be near; in 3 objects: 18 points." in unseen
         every = toolbox.run("corridor.clearance", {**values, "min_object_height": 0.0})

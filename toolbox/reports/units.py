@@ -29,6 +29,7 @@ _BETWEEN = r" of | to | - "  # a part and its whole, the ends of a range; the la
 # Metres in a text, a part or a range of them: no power of ten, and not what defines another unit.
 _SAID = rf"(?<![\w.,:/^+\u2212-])({_SIZE})(?:({_BETWEEN})({_SIZE}))? (m[23²³]?)(?![\w/²³]| =)"
 _EXACT = (3, 2)  # digits after the point of exact metres, and the least of them in another unit
+_ROUND = re.compile(r"[1-9]\d+00")  # from a thousand on: a size that is told in hundreds
 _IN_METRES = "_m"  # end of the name of a column that holds in metres what another does
 
 
@@ -63,6 +64,8 @@ def in_both(text: str, own: Unit | None) -> str:
     '216 of 491 m (709 of 1611 ft) of its outline of 20 m2 (215 ft²)'
     >>> in_both("-0.305 m at 3.1 to 12.5 m", ("ft", 0.3048))
     '-0.305 m (-1.00 ft) at 3.1 to 12.5 m (10.2 to 41.0 ft)'
+    >>> in_both("about 61000 m2 of 61034 m2", ("ft", 0.3048))
+    'about 61000 m2 (657000 ft²) of 61034 m2 (656965 ft²)'
     """
     if own is None:
         return text
@@ -76,11 +79,18 @@ def _in_brackets(found: re.Match[str], own: Unit) -> str:
     low, between, high, unit = found.groups()
     power = _POWERS[unit]
     ends = [
-        own_number(float(end.replace("\u2212", "-")), own, power, least=_least(end))
+        _as_round(own_number(float(end.replace("\u2212", "-")), own, power, least=_least(end)), end)
         for end in (low, high)
         if end
     ]
     return f" ({(between or '').join(ends)} {_RAISED[power].format(own[0])})"
+
+
+def _as_round(text: str, size: str) -> str:
+    """A whole number with three digits that tell, where its size is as round."""
+    if not (_ROUND.fullmatch(size) and text.lstrip("-").isdigit()):
+        return text
+    return f"{float(f'{int(text):.3g}'):.0f}"
 
 
 def _least(size: str) -> int:

@@ -58,6 +58,7 @@ HEADS = [
     "Drawings",
     "Left out",
     "Checksums",
+    "Warning",
 ]
 HEADS += ["Shows", "Source", "Crossed", "Broken", "Scale", "door?", "*, ca."]  # in title blocks
 HEADS += ["Wall", "Window", "Door", "elevation of fronts"]
@@ -86,7 +87,7 @@ SHORT += [name.lower() for name in CLASSES.values()]
 WORDS = "ground tree building water rail road line other tower pole conductor wire door window"
 WORDS += " critical watch falling plane shore island flat gable hip left right"
 WORDS += " recess behind reflectance outline grid none others height span survey"
-WORDS += " any horizontal vertical"
+WORDS += " facade any horizontal vertical"
 WORDS += " bottom top unseen unclassified blocks all level dark raster vector table"
 FAULTS = ("AssertionError", "AttributeError", "TypeError")  # of code, told to who writes it
 PERCENT = re.compile(r"%[-+#0 ]*\d*(?:\.\d+)?[sdgfr]")

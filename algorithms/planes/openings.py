@@ -183,7 +183,8 @@ class PlanesOpenings:
             """How many openings in how many fronts, and how sure their edges are."""
             told = (
                 f"Openings: {self.count}, in {self.fronts} front{'s'[: self.fronts != 1]}; other "
-                f"gaps, which are no openings, each with its reason: {self.dropped_count}."
+                f"gaps, which are no openings, each with its reason in the layer dropped: "
+                f"{self.dropped_count}."
             )
             return f"{told} {self._edges()}" if self.count else told
 
@@ -404,8 +405,7 @@ class PlanesOpenings:
         if doors:
             log.warning(
                 "parts of front %d not seen that are as large as a door and as low: %d, from %s m "
-                "on from its left end; each may hide one: look there, or merge a scan that sees "
-                "them",
+                "on from its left end; each may hide one: look there",
                 number,
                 len(doors),
                 ", ".join(
@@ -413,6 +413,7 @@ class PlanesOpenings:
                     for part in sorted(doors, key=lambda part: float(part.bounds[0]))
                 ),
             )
+            log.info("merge a scan that sees these parts of front %d, if there is one", number)
 
     def _warn_of_blind(self, number: int, made: Openings) -> None:
         """Say so where recesses are taken for wall, since shutters may be as bright and flat."""
@@ -448,11 +449,11 @@ class PlanesOpenings:
         kinds = [one.row(relief, self.points.metre)["kind"] for one in made.found]
         if either := kinds.count(EITHER):
             log.warning(
-                "openings of front %d whose foot was not seen, doors or windows: %d; look there, "
-                "or merge a scan that sees their foot",
+                "openings of front %d whose foot was not seen, doors or windows: %d; look there",
                 number,
                 either,
             )
+            log.info("merge a scan that sees their foot on front %d, if there is one", number)
 
     def _warn_if_two_sided(self, number: int, share: float) -> None:
         """Say so where a wall stands before another one, which nobody sees from one side."""

@@ -170,13 +170,13 @@ def test_texts_are_found_in_others(english: str, turkish: str) -> None:
 
 def test_the_readme_of_a_set_is_translated() -> None:
     columns = [("ground", "m", "To the ground")]
-    entry = Entry("spans.csv", "", "The report to print", 8, "", columns, without=3)
+    entry = Entry("spans.csv", "", "The report to print", 8000, "", columns, without=3000)
     spec = catalog.load("models.terrain")
     with language.speaking("tr"):
         told = Told(warnings=["land of 2.5 m2 is lost"])
         text = readme(spec, {}, None, told, [entry], {"client": "Muş 2.5"}, {})
     said = (
-        "Yazdırmak için rapor [8]; okunan noktalardan 3 tanesi içinde yoktur",
+        "Yazdırmak için rapor [8\u202f000]; okunan noktalardan 3\u202f000 tanesi içinde yoktur",
         "ground  Uzaklık: zemin [m]",
         "- Land of 2,5 m² is lost",
         "  Muş 2.5\n",

@@ -8,7 +8,7 @@ from typing import Any
 
 import shapely
 
-from toolbox import __version__
+from toolbox import __version__, language
 
 SPACE = uuid.UUID("6f0d3cf2-6a0e-4c5c-9c5b-8b6f8f0a5d11")  # of our identifiers
 MIDNIGHT = "T00:00:00"  # a file is of a day, so that the same layer is the same file
@@ -65,7 +65,9 @@ class Entities:
         return self.root(
             "IfcProject",
             name,
-            Description=f"For {client}" if client else None,
+            Description=language.text("For {client}").replace("{client}", client)
+            if client
+            else None,
             RepresentationContexts=[self._context],
             UnitsInContext=self._new("IfcUnitAssignment", Units=units),
         )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pyproj import CRS
 
+from toolbox import language
 from toolbox.context import QUIET, Context
 from toolbox.data.cloud import joining, parts, saving
 from toolbox.data.cloud.arrays import columns_of, coordinates, frozen, indices
@@ -642,7 +643,7 @@ class PointCloud(Layer):
 
     def size_text(self) -> str:
         """The number of points in words."""
-        return f"{len(self):,} points"
+        return f"{language.counted(len(self))} points"
 
     def differences(self, now: PointCloud) -> Iterator[str]:
         """What differs in another cloud, in words."""

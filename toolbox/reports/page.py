@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from toolbox.data import Figure, Raster, Report, Rows, Section, Table
 from toolbox.data.crs import Unit
 from toolbox.data.layer import Layer
-from toolbox.data.report import Block, Head, Plot
+from toolbox.data.report import Block, Column, Head, Plot
 from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
 from toolbox.reports import counted, words
@@ -314,7 +314,9 @@ def _settings(spec: Spec, record: Record | None, unit: Unit | None) -> list[Sect
             value, of = words.setting_in(said, record.parameters[name], unit)
             row = {"Setting": said.title, "Meaning": said.help, "Value": value, "Unit": of}
             rows.append({**row, "Name": name})
-    return [Section("Settings", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
+    columns = {"Name": Column("Name", as_is=True)}
+    block = Rows(Table.from_rows(rows), columns=columns)
+    return [Section("Settings", [block], folded=True)] if rows else []
 
 
 def _made(spec: Spec, record: Record | None, layers: Sequence[Layer]) -> list[Section]:

@@ -150,11 +150,10 @@ def _files(entries: Sequence[Entry]) -> Iterator[str]:
         yield f"{file}{f'  ({language.told(opens)})' if opens else ''}"
         for entry in [entry for entry in entries if entry.file == file]:
             layer = f"{entry.layer}: " if entry.layer else ""
-            count = "" if entry.size is None else f" [{entry.size:,}]"
+            count = "" if entry.size is None else f" [{language.counted(entry.size)}]"
             if entry.without:
-                count += language.told(
-                    f"; {entry.without:,} of the points that were read are not in it"
-                )
+                lost = language.counted(entry.without)
+                count += language.told(f"; {lost} of the points that were read are not in it")
             text = f"{layer}{language.told(entry.help)}{count}"
             yield from textwrap.wrap(
                 text, _WIDTH, initial_indent="    ", subsequent_indent="      "
@@ -171,7 +170,7 @@ def _drawings(entries: Sequence[Entry]) -> Iterator[str]:
         text = f"{entry.file}: {unit}; layer, colour (its number in CAD) [features]"
         yield language.told(text)
         layers = [
-            (f"    {name}", f"{_colour(colour)} [{count:,}]")
+            (f"    {name}", f"{_colour(colour)} [{language.counted(count)}]")
             for name, colour, count in sorted(entry.drawn, key=lambda one: one[0])
         ]
         yield from _pairs(layers)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import types
 from collections.abc import Callable
@@ -248,6 +249,8 @@ def test_parts_not_seen_that_may_hide_a_door_are_told(caplog: pytest.LogCaptureF
     hidden = (np.abs(away[:, 0] - 8.5) < 0.7) & (away[:, 2] < 2.2) & (away[:, 2] > 0.05)
     found(front().select(~hidden))
     assert "as large as a door and as low: 1, from 7.5 m on from its left end" in caplog.text
+    warned = [one.getMessage() for one in caplog.records if one.levelno >= logging.WARNING]
+    assert "merge a scan" not in " ".join(warned), "a client has no scans"
 
 
 def test_walls_that_scatter_are_told(caplog: pytest.LogCaptureFixture) -> None:

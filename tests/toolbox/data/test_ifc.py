@@ -200,7 +200,8 @@ def test_project_building_and_file_have_the_title_client_and_day_of_the_set(tmp_
 def test_names_and_descriptions_are_in_the_language_of_the_user(tmp_path: Path) -> None:
     """A building of a Turkish set had "Front 1" and "Door 1"; what programs read stays English."""
     with language.speaking("tr"):
-        model = written(elevation(), tmp_path / "a.ifc")
+        model = written(elevation().with_head({"client": "Muş"}), tmp_path / "a.ifc")
+    assert model.by_type("IfcProject")[0].Description == "Muş için"
     names = {
         kind: [one.Name for one in model.by_type(kind)]
         for kind in ("IfcSite", "IfcBuildingStorey", "IfcWall", "IfcOpeningElement", "IfcDoor")

@@ -19,6 +19,7 @@ from affine import Affine
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from toolbox import language
 from toolbox.data import PointCloud, Raster, Report, Section, Survey, Table, Vector
 from toolbox.data.drawing import Drawing
 from toolbox.data.layer import Layer
@@ -209,6 +210,14 @@ def test_what_is_told_apart_has_other_contents(name: str) -> None:
     layers = {n: {k: v.tobytes() for k, v in layer.contents()} for n, layer in LAYERS.items()}
     assert layers.pop(name)
     assert all(layers.values())
+
+
+def test_thousands_have_no_comma_where_it_is_the_decimal_sign() -> None:
+    """A Turkish page had "54,864 nokta", which is 55 points."""
+    cloud = PointCloud(np.zeros((54864, 3)))
+    assert cloud.size_text() == "54,864 points"
+    with language.speaking("tr"):
+        assert language.told(cloud.size_text()) == "54\u202f864 nokta"
 
 
 @pytest.mark.parametrize("name", LAYERS)

@@ -162,6 +162,14 @@ def test_what_all_rows_of_a_wide_table_say_is_said_once() -> None:
     assert len(block.cells[0]) == 12  # as in workbooks
 
 
+def test_a_printed_column_has_room_for_its_heading_in_the_language_of_the_user() -> None:
+    """Turkish headings were broken within words: "Görüle" over "n"."""
+    rows = [{"sill": 1.0} | {f"n{k}": 10.5 for k in range(10)}]
+    block = Rows(Table.from_rows(rows), columns={"sill": Column("Sill above the foot")})
+    with language.speaking("tr"):
+        assert block.pieces(paper=True)[0].needed[0] == 3 + len("Denizliğin")
+
+
 def headings(piece: Piece) -> list[str]:
     return [column.heading for column, _ in piece.headings]
 

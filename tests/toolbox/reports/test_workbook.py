@@ -11,6 +11,7 @@ import pytest
 from toolbox.data import Report, Rows, Section, Table
 from toolbox.data.report import Column
 from toolbox.data.report.blocks import Head
+from toolbox.data.report.render import render
 
 ROWS = [
     {"span_id": 1, "length": 84.25, "share": 0.5, "kind": "tree", "hidden": 3},
@@ -53,6 +54,23 @@ def test_cells_speak_the_language_of_the_user_and_names_stay(
     made = Report("Line 12", [Section("Layers", [Rows(Table.from_rows(cells), columns=kinds)])])
     row = list(opened(made, tmp_path)["Katmanlar"].iter_rows(values_only=True))[1]
     assert row == ("ağaç", "İkincil metin", "Mast 2")
+
+
+def test_names_of_settings_and_warnings_are_as_a_reader_needs_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The setting "plane" was "düzlem", which no command knows; "Warning" stayed English."""
+    monkeypatch.setenv("TOOLBOX_LANG", "tr")
+    table = Table.from_rows([{"kind": "facade", "name": "plane"}])
+    rows = Rows(table, columns={"name": Column("Name", as_is=True)})
+    made = Report("A", [Section("Settings", [rows])], head=Head([], ["Two wires are missing"], []))
+    book = opened(made, tmp_path)
+    assert list(book["Ayarlar"].iter_rows(values_only=True))[1] == ("cephe", "plane")
+    assert "Uyar\u0131" in [row[0] for row in book["Özet"].iter_rows(values_only=True)]
+    for on_paper in (False, True):
+        page = render(made, on_paper=on_paper)
+        assert ">plane</td>" in page
+        assert ">cephe</td>" in page
 
 
 def test_the_first_sheet_says_what_must_be_known(tmp_path: Path) -> None:

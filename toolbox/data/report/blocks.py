@@ -314,7 +314,7 @@ class Piece:
 
         Headings break between words, and long texts in lines.
         """
-        headings = [f"{c.heading} [{c.unit}]".split() for c, _ in self.headings]
+        headings = [f"{language.told(c.heading)} [{c.unit}]".split() for c, _ in self.headings]
         words = [max(len(word) for word in heading) for heading in headings]
         columns = zip(*self.cells, strict=True)
         texts = [max(map(len, column)) for column in columns] or words

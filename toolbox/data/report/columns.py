@@ -44,6 +44,7 @@ class Column:
     never_zero : whether it is more than nothing however small, as an uncertainty is
     circa : of other columns with lists of words, those words that make a number a guess, see
         `guessed`
+    as_is : whether its texts are names, which are the same in all languages
 
     Examples
     --------
@@ -63,6 +64,7 @@ class Column:
     names: Mapping[str, str] = field(default_factory=dict)
     never_zero: bool = False
     circa: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    as_is: bool = False
 
     def text(self, value: Any, digits: int | None = None) -> str:
         """A value of the column as it is shown, with its own digits unless others are given.

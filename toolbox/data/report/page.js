@@ -145,7 +145,7 @@
   };
   const drawMap = async (figure, data) => {
     const Plotly = await plotly();
-    const { canvas, tools, asked, whole, button, keys } = board(figure, "Map. Arrow keys move it, plus and minus zoom, 0 shows all.");
+    const { canvas, tools, asked, whole, button, keys } = board(figure, word("Map. Arrow keys move it, plus and minus zoom, 0 shows all."));
     const [west, south, east, north] = data.bounds;
     if (north - south > 1.3 * (east - west)) canvas.style.height = "88vh";
     const axis = { zeroline: false, showgrid: false, ticks: "outside", tickformat: "d", exponentformat: "none", nticks: 5, tickfont: { size: 10 }, title: { font: { size: 11 } } };
@@ -273,7 +273,7 @@
   const drawSpace = async (figure, data) => {
     if (!make("canvas").getContext("webgl")) throw new Error("no WebGL");
     const Plotly = await plotly();
-    const { canvas, asked, button, keys } = board(figure, "View in space. Arrow keys turn it, plus and minus zoom, 0 shows all.");
+    const { canvas, asked, button, keys } = board(figure, word("View in space. Arrow keys turn it, plus and minus zoom, 0 shows all."));
     const traces = [], rows = [];
     for (const cloud of data.clouds) {
       const marker = { size: cloud.size, color: cloud.colour };

@@ -181,7 +181,10 @@ def _value(value: Any, column: Column) -> Any:
         value = value.item()
     if isinstance(value, float):
         return value * column.factor if np.isfinite(value) else None
-    return value if isinstance(value, int) else _plain(said(str(column.names.get(value, value))))
+    if isinstance(value, int):
+        return value
+    text = str(column.names.get(value, value))
+    return _plain(text if column.as_is else said(text))
 
 
 def _plain(text: str) -> str:

@@ -212,7 +212,10 @@ class ShorelineStorageCurve:
                 f"The curve has {len(frame)} levels from {levels.iloc[0]:.3f} m on."
             )
             if frame["open"].all():
-                words += " At all of them the water goes on beyond the edge of the data."
+                words = (
+                    "The water goes on beyond the edge of the data at all levels: the basin here "
+                    f"is its part within the data. {words}"
+                )
             if self.level_uncertainty is not None:
                 words += (
                     f" With the error that all heights have in common the level of the survey is "
@@ -221,9 +224,11 @@ class ShorelineStorageCurve:
             return words if self.spill is None else f"{words} {self._runs_over()}"
 
         def _runs_over(self) -> str:
-            """Level and place of the spill."""
+            """Level and place of the spill, or where a rim that is seen in part is lowest."""
             (place,) = self.spill_point.frame.geometry
             at = f"{place.x:.1f}, {place.y:.1f}"
+            if self.curve.frame["open"].all():
+                return f"What is seen of its rim is lowest at {self.spill:.3f} m, at {at}."
             return f"The lake runs over its rim at {self.spill:.3f} m, at {at}."
 
         def not_looked_at(self) -> Iterator[str]:

@@ -451,6 +451,7 @@ def test_a_lake_at_the_edge_is_open_from_its_level_on(caplog: pytest.LogCaptureF
     out = risen(heights, -0.26, (5, 15, 0, 5), step=0.5, highest=2.0)
     assert "from -0.260 m on the water reaches the edge" in caplog.text
     assert out.curve.frame["open"].all()
+    assert out.in_words().startswith("The water goes on beyond the edge of the data at all levels")
 
 
 def test_an_edge_that_the_lake_touches_hides_no_spill() -> None:
@@ -463,6 +464,7 @@ def test_an_edge_that_the_lake_touches_hides_no_spill() -> None:
     assert found.curve.frame["level"].iloc[-1] == 11.5
     assert found.curve.frame["open"].tolist() == [True, True, True]
     assert any("From 10.000 m on the water reaches" in text for text in found.not_looked_at())
+    assert "What is seen of its rim is lowest at 11.500 m" in found.in_words()
 
 
 @pytest.mark.parametrize(("behind", "spill"), [(8.0, True), (10.5, False)])

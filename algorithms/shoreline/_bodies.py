@@ -876,8 +876,8 @@ def judge(
     count = cells.count.ravel()
     here = body[count[body] > 0]
     lost = _lost(cells, body, ring)
-    if lost <= FEWER < (by_flights := _lost_by_flights(cells, body, ring)):
-        lost = by_flights
+    if lost <= FEWER < (for_each := _lost(cells, body, ring, by_flights=True)):
+        lost = for_each
     amid = _darkness(cells, body, shore_of(cells, body))
     dark = amid if rough else _darkness(cells, body, ring)  # wet banks are rough and dark, too
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
@@ -908,27 +908,21 @@ def judge(
     return Body(body, cells.base + level, tilt, lost, dark, evidence, amid=amid), ""
 
 
-def _lost(cells: CellGrid, body: Ints, ring: Ints) -> float:
+def _lost(cells: CellGrid, body: Ints, ring: Ints, *, by_flights: bool = False) -> float:
     """Number of points in a cell of a body over that on its shore; 1 where it is not known.
 
-    Cells at the edge of the data lie only in part in them: they do not count.
+    Cells at the edge of the data lie only in part in them: they do not count. With `by_flights`
+    the points of a cell are those for each flight that covers it: ground that one covers has half
+    of those where two do.
     """
     whole = cells.whole.ravel()
     body, ring = body[whole[body]], ring[whole[ring]]
     if not (len(body) and len(ring)):
         return 1.0
-    return float(cells.count.ravel()[body].mean() / median_of_counts(cells.count.ravel()[ring]))
-
-
-def _lost_by_flights(cells: CellGrid, body: Ints, ring: Ints) -> float:
-    """As :func:`_lost`, of the points for each flight: ground that one covers has half of those
-    where two do.
-    """
-    whole, each = cells.whole.ravel(), (cells.count / cells.flights).ravel()
-    body, ring = body[whole[body]], ring[whole[ring]]
-    if not (len(body) and len(ring)):
-        return 1.0
-    return float(each[body].mean() / np.median(each[ring]))
+    count, flights = cells.count.ravel(), cells.flights.ravel()
+    if by_flights:
+        return float((count[body] / flights[body]).mean() / np.median(count[ring] / flights[ring]))
+    return float(count[body].mean() / median_of_counts(count[ring]))
 
 
 def _beside_banks(cells: CellGrid, body: Ints, level: float) -> bool:

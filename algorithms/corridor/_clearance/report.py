@@ -102,8 +102,7 @@ SPAN_CAPTION = (
     "For each span and state of the wires: the least distances in space to what is near the wires "
     "in plan. Clearance is that to the nearest object; at other temperatures, see Temperature of "
     "the wires. The swing is empty where the wires sag too little to tell. A bundle counts as one "
-    "conductor. Wire-like points have the shape of a wire, and "
-    "are none"
+    "conductor. Wire-like points have the shape of a wire, and are none"
 )
 KIND_CAPTION = (
     "For each kind of object: its least distance in space from a wire, of what is near the wires "
@@ -643,24 +642,13 @@ def _sheet(
     for span, some in middles.items():
         x, y = np.mean(some, axis=0).tolist()
         drawing.text(x, y, f"span {span}", WIRE_COLOUR)
-    for tower, place in _towers(line).items():
+    for tower, place in line.towers.items():
         if (place[:2] >= low).all() and (place[:2] <= high).all():
             _draw_tower(drawing, tower, *place[:2])
     places = [across.surroundings.xyz[one.nearest, :2] for one in objects]
     spots = list(zip(range(1, len(objects) + 1), objects, places, strict=True))
     _mark(drawing, rules, [s for s in spots if (s[2] >= low).all() and (s[2] <= high).all()])
     return drawing.svg()
-
-
-def _towers(line: LineStates) -> dict[int, Floats]:
-    """Where each tower holds its wires as surveyed: the mean of their ends, by its number."""
-    held: dict[int, list[Floats]] = {}
-    for curve, *numbers in zip(line.curves[0], line.start, line.end, strict=True):
-        for tower, end in zip(
-            map(int, numbers), curve.points(np.array([0.0, curve.length])), strict=True
-        ):
-            held.setdefault(tower, []).append(end)
-    return {tower: np.mean(ends, axis=0) for tower, ends in sorted(held.items()) if tower}
 
 
 def _draw_tower(drawing: Drawing, number: int, x: float, y: float) -> None:
@@ -744,7 +732,7 @@ def _profile(
         )
     for number, state in enumerate(line.states):
         drawing.key("curve", state.name, WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
-    for tower, place in _towers(line).items():
+    for tower, place in line.towers.items():
         if tower in {*line.start[own].tolist(), *line.end[own].tolist()}:
             _draw_tower(drawing, tower, axis.along(place[None])[0][0], place[2])
     spots = _spots(across, line, objects, axis, span)

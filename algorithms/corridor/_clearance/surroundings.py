@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -92,6 +93,16 @@ class LineStates:
         """Numbers of the spans that end where the data end, not at a tower."""
         open_ended = (self.start == 0) | (self.end == 0)
         return [int(number) for number in np.unique(self.span[open_ended])]
+
+    @cached_property
+    def towers(self) -> dict[int, Floats]:
+        """Where each tower holds its wires as surveyed: the mean of their ends, by its number."""
+        held: dict[int, list[Floats]] = {}
+        for curve, *numbers in zip(self.curves[0], self.start, self.end, strict=True):
+            ends = curve.points(np.array([0.0, curve.length]))
+            for tower, end in zip(map(int, numbers), ends, strict=True):
+                held.setdefault(tower, []).append(end)
+        return {tower: np.mean(ends, axis=0) for tower, ends in sorted(held.items()) if tower}
 
 
 @dataclass(frozen=True)

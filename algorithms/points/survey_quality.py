@@ -391,7 +391,7 @@ def rows_by_strip(
     rows: list[dict[str, str | float]] = [{"strip": "all", **whole.told()}]
     strips = list(rows_of(taken.strip))
     if len(strips) < 2:
-        log.warning("all points have one %s: strips are not told apart", STRIP)
+        log.warning("all points have one number of their strip: strips are not told apart")
         return rows
     for number, own in strips:
         alone = Density.around(row[own], col[own], taken.first[own], whole.area)

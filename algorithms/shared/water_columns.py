@@ -1,4 +1,4 @@
-"""Headings and units of the columns of polygons of water, as reports show them."""
+"""Headings, units and looks of polygons and lines of water, as reports show them."""
 
 from __future__ import annotations
 
@@ -35,3 +35,16 @@ WATER = {
     "darkness": Column("Darkness against the shore, 0 to 1", "", 2),
     "evidence": Column("What tells that it is water"),
 }
+SHORELINE = {
+    "body": WATER["body"],
+    "kind": Column("Kind"),
+    "level": WATER["level"],
+    "length": Column("Length", "m", 1),
+}
+KNOWN = "known"  # kind of lines of water that was given
+LOOKS = {
+    "shore": ("shore", "#e08a00"),
+    "island": ("island", "#00806b"),
+    "data edge": ("edge of the data, no shore", "#c2185b"),
+}
+LOOKS_LAID = LOOKS | {KNOWN: ("known water, as it was given", "#5e35b1")}

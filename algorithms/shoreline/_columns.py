@@ -5,12 +5,6 @@ from __future__ import annotations
 from algorithms.shared.water_columns import WATER
 from toolbox.data.report import Column
 
-SHORELINE = {
-    "body": WATER["body"],
-    "kind": Column("Kind"),
-    "level": WATER["level"],
-    "length": Column("Length", "m", 1),
-}
 VERTICES = {
     "body": WATER["body"],
     "sigma": Column("Standard deviation", "m", 2, never_zero=True),

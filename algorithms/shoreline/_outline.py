@@ -55,6 +55,11 @@ class Outline:
         rings = [self._raised(ring) for ring in self.shore.rings]
         return [shapely.Polygon(rings[p[0]], [rings[k] for k in p[1:]]) for p in self.parts]
 
+    @property
+    def named(self) -> Water:
+        """The body with the number and the area that layers and tables give."""
+        return replace(self.water, number=self.number, area=sum(p.area for p in self.polygons))
+
     def _raised(self, ring: Floats) -> Floats:
         return np.column_stack([ring, self.water.level.at(ring)])
 

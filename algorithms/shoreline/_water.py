@@ -91,12 +91,16 @@ class Water:
     body : its cells
     level : its surface
     fall, length : of its surface from end to end, in the unit of the data; 0 for a lake
+    number, area : of its outline in layers and tables, in square units of the data; 0 before it
+        is drawn
     """
 
     body: Body
     level: Level
     fall: float = 0.0
     length: float = 0.0
+    number: int = 0
+    area: float = 0.0
 
 
 def find_water(
@@ -346,7 +350,8 @@ def _above(cells: CellGrid, place: Body, found: Sequence[Water]) -> str:
     if near is None or not _contact(cells, place, near):
         return text
     up = (place.level - near.level.height) / cells.metre
-    return f"{text}, {up:+.2f} m from the {name_of(cells, near)} beside it"
+    x, y = place_of(cells, near)
+    return f"{text}, {up:+.2f} m from the water at {x:.1f},{y:.1f} beside it"
 
 
 def listed(cells: CellGrid, waters: Sequence[Water]) -> str:
@@ -573,13 +578,16 @@ def _centres(cells: CellGrid, some: Ints) -> Floats:
 
 
 def name_of(cells: CellGrid, water: Water) -> str:
-    """Text that names a body by its position and size, for messages.
+    """Text that names a body as tables do, by its number, with its area and a place on it.
 
-    The area is that of its cells, in two digits; that of the outline is not known before the end.
+    Before its outline is drawn the area is that of its cells, in two digits.
     """
     x, y = place_of(cells, water)
-    area = _digits(len(water.body.cells) * cells.area / cells.metre**2)
-    return f"water of about {area:.0f} m2 at {x:.1f},{y:.1f}"
+    square = cells.metre**2
+    if water.number:
+        return f"water body {water.number} ({water.area / square:.0f} m2, at {x:.1f},{y:.1f})"
+    area = _digits(len(water.body.cells) * cells.area / square)
+    return f"the water of about {area:.0f} m2 at {x:.1f},{y:.1f}"
 
 
 def _digits(area: float) -> float:
@@ -592,7 +600,7 @@ def sloping(cells: CellGrid, water: Water) -> str:
     east, north = water.level.gradient
     towards = math.degrees(math.atan2(-east, -north)) % 360
     return (
-        f"the {name_of(cells, water)} falls by {water.fall / cells.metre:.2f} m over "
+        f"{name_of(cells, water)} falls by {water.fall / cells.metre:.2f} m over "
         f"{water.length / cells.metre:.0f} m ({water.fall / water.length:.2%}) "
         f"towards {towards:.0f} degrees"
     )
@@ -603,7 +611,7 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
     metre = cells.metre
     log.info(
         "%d water bodies in cells of %.2f m, of which narrower ones than %.1f m may be missing, as "
-        "creeks and ditches; land has %.1f points per m2",
+        "creeks and ditches; land has %.2g points per m2",
         len(found),
         cells.lattice.cell / metre,
         NARROW * cells.lattice.cell / metre,
@@ -630,7 +638,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
     for one in found[:LISTED]:
         if one.level.strips > DAYS * metre:
             log.warning(
-                "points: the %s has other levels in other strips: %s; they were flown at other "
+                "points: %s has other levels in other strips: %s; they were flown at other "
                 "times, or do not fit. Its level is their mean, its shore that of each strip",
                 name_of(cells, one),
                 strip_levels(one.level),
@@ -638,7 +646,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
         if one.level.parts:
             low, high = one.level.parts
             log.warning(
-                "points: the %s stands at two levels side by side, %s and %s: flown at other "
+                "points: %s stands at two levels side by side, %s and %s: flown at other "
                 "times, or strips do not fit. Its level is their mean; its interval holds both",
                 name_of(cells, one),
                 in_unit(cells, low),
@@ -646,7 +654,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         if one.level.cover and abs(np.subtract(*one.level.cover)) >= DAYS * metre:
             log.warning(
-                "points: the %s stands at %s where most pulses come back, or the brightest ones, "
+                "points: %s stands at %s where most pulses come back, or the brightest ones, "
                 "and at %s elsewhere: floating plants or ice, or flights at other times. Its "
                 "level is their mean; its interval holds both",
                 name_of(cells, one),
@@ -654,7 +662,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         if rise := _hidden(cells, one):
             log.warning(
-                "points: nothing came back from the %s, and half of its rim is %.1f m or more "
+                "points: nothing came back from %s, and half of its rim is %.1f m or more "
                 "above its level: it may be a gap of the data, or its shore lies below crowns. Its "
                 "interval holds levels that are as far below",
                 name_of(cells, one),
@@ -662,7 +670,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         elif len(some := _shoreless(cells, one)) * cells.area >= LARGE * metre**2:
             log.warning(
-                "points: about %.0f m2 of the %s returned nothing, and all ground beside is more "
+                "points: about %.0f m2 of %s returned nothing, and all ground beside is more "
                 "than %g m above its level, as at %.1f,%.1f: a gap of the data, a pool above a "
                 "weir, or cliffs, walls or crowns. It counts as water, but its outline may be no "
                 "shore",
@@ -673,7 +681,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         if off := _off_banks(cells, one):
             log.warning(
-                "points: nothing came back from the %s, and the banks along a tenth of it or more "
+                "points: nothing came back from %s, and the banks along a tenth of it or more "
                 "tell levels that are %.2f m off the one it was given: pools above rapids or "
                 "weirs, or walls, cliffs or crowns along a part of it. Its interval holds both",
                 name_of(cells, one),
@@ -681,7 +689,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         if _islands_hide(cells, one.body):
             log.warning(
-                "points: the %s has waves of %.2f m and is not much darker than its shore: islands "
+                "points: %s has waves of %.2f m and is not much darker than its shore: islands "
                 "of a cell or two cannot be told from waves, and its error counts both",
                 name_of(cells, one),
                 one.level.sigma / metre,
@@ -766,7 +774,7 @@ def at_place(cells: CellGrid, found: Sequence[Water], place: Position) -> int:
     nearest = int(np.argmin(away)) if away else -1
     if not away or away[nearest] > NEAR_PLACE:
         known = (
-            f"the nearest is the {name_of(cells, found[nearest])}, "
+            f"the nearest is {name_of(cells, found[nearest])}, "
             f"{away[nearest] * lattice.cell / cells.metre:.0f} m away"
             if away
             else "there is no water body"

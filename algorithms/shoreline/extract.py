@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from algorithms.shared import parameters
-from algorithms.shared.water_columns import WATER
+from algorithms.shared.water_columns import LOOKS, SHORELINE, WATER
 from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._level import NINETY_FIVE
 from toolbox.context import QUIET, Context, log, setting_name
@@ -35,12 +35,6 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 LEAST_TOLD = 0.001  # the last digit of a level as it is told; what is smaller is rounded up
-
-LOOKS = {
-    "shore": ("shore", "#e08a00"),
-    "island": ("island", "#00806b"),
-    "data edge": ("edge of the data, no shore", "#c2185b"),
-}
 
 
 @tool(
@@ -125,7 +119,7 @@ class ShorelineExtract:
         shoreline: Vector = sink(
             "Their outlines: shore, islands, and edges of the data",
             show=show.Classes("kind", LOOKS),
-            columns=columns.SHORELINE,
+            columns=SHORELINE,
         )
         vertices: Vector = sink(
             "Corners of the outlines with their standard deviation", columns=columns.VERTICES
@@ -133,7 +127,7 @@ class ShorelineExtract:
         other_waters: Vector = sink(
             "Outlines of the water bodies that were found and are not given",
             show=show.OfClass(9, thin=True),
-            columns=columns.SHORELINE,
+            columns=SHORELINE,
             listed=False,
         )
         level: float | None = sink("Level of the largest body given", unit="m")
@@ -235,45 +229,57 @@ class ShorelineExtract:
         chosen = self._chosen(cells, water)
         how = self.min_area, self.min_island, self.smoothing
         outlines = draw(points, cells, water, chosen, *how, ctx.part(0.7, 0.9))
-        if text := open_edges([row for one in outlines for _, row in one.rows()]):
-            log.warning("%s", text)
         rest = [k for k in range(len(water)) if k not in chosen]
         others = draw(points, cells, water, rest, *how, ctx.part(0.9, 1.0)) if rest else []
         others = [replace(one, number=one.number + len(outlines)) for one in others]
+        self._tell(cells, outlines, others)
         return self._packed(outlines, others, detail_of(cells))
 
     def _chosen(self, cells: CellGrid, water: Sequence[Water]) -> list[int]:
         """Indices of the bodies to give out."""
-        from algorithms.shoreline._water import at_place, listed, sloping, tell, warn_of
+        from algorithms.shoreline._water import at_place, sloping
 
-        tell(cells, water)
-        every = list(range(len(water)))
-        chosen = every if self.bodies == "all" else every[:1]
         if self.seed_point:
             chosen = [at_place(cells, water, self.seed_point)]
-        if others := [water[k] for k in every if k not in chosen]:
+        else:
+            chosen = list(range(len(water) if self.bodies == "all" else min(1, len(water))))
+        if self.sloped or not (rivers := [water[k] for k in chosen if water[k].fall]):
+            return chosen
+        if self.bodies != "all":
+            raise DataError(f"points: {sloping(cells, rivers[0])}; it is no lake{_takes_rivers()}")
+        return [k for k in chosen if not water[k].fall]
+
+    def _tell(
+        self, cells: CellGrid, outlines: Sequence[Outline], others: Sequence[Outline]
+    ) -> None:
+        """Log the bodies with the numbers and areas of tables, and what is doubtful about them."""
+        from algorithms.shoreline._water import in_unit, name_of, sloping, some_of, tell, warn_of
+
+        given, rest = ([one.named for one in some] for some in (outlines, others))
+        tell(cells, [*given, *rest])
+        if self.bodies == "all":  # what is left are rivers
+            for river in rest:
+                text = sloping(cells, river)
+                log.warning("points: %s; it is no lake%s; left out", text, _takes_rivers())
+        elif rest:
+            names = [
+                f"{name_of(cells, one)}, level {in_unit(cells, one.level.height, 2)}"
+                for one in rest
+            ]
             log.warning(
                 "points: %d other water bodies were found, of which the outlines alone are "
                 "given: %s",
-                len(others),
-                listed(cells, others),
+                len(rest),
+                some_of(names),
             )
             # No warning, which a report would show to people who run nothing.
             if bodies := setting_name("bodies"):
                 log.info("%s all gives every one", bodies)
             if place := setting_name("seed_point"):
                 log.info("%s takes the water at a place, such as one that is named here", place)
-        rivers = [k for k in chosen if water[k].fall and not self.sloped]
-        for k in rivers:
-            setting = setting_name("sloped")
-            how = f": the setting {setting} takes rivers" if setting else ""
-            text = f"points: {sloping(cells, water[k])}; it is no lake{how}"
-            if self.bodies != "all":
-                raise DataError(text)
-            log.warning("%s; left out", text)
-        chosen = [k for k in chosen if k not in rivers]
-        warn_of(cells, [water[k] for k in chosen])
-        return chosen
+        warn_of(cells, given)
+        if text := open_edges([row for one in outlines for _, row in one.rows()]):
+            log.warning("%s", text)
 
     def _packed(
         self, outlines: Sequence[Outline], others: Sequence[Outline], detail: float | None
@@ -295,6 +301,12 @@ class ShorelineExtract:
             count=len(outlines),
             detail=detail,
         )
+
+
+def _takes_rivers() -> str:
+    """Text on the setting that takes rivers, if the user may set it."""
+    setting = setting_name("sloped")
+    return f": the setting {setting} takes rivers" if setting else ""
 
 
 def _within(place: Position, bounds: Sequence[float]) -> bool:

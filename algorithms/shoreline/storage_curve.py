@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.shared import parameters
+from algorithms.shared.alignment import not_on
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
-from algorithms.shared.polygons import polygons
+from algorithms.shared.polygons import cells_within, polygons
 from algorithms.shoreline import _basin_kernels as kernels
 from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._basin_pieces import BLOCK, Pieces
@@ -41,6 +42,10 @@ DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 ROUNDING = 1e-9  # steps
 GROUND = 2  # class
 OVERTOPPED = "overtopped"  # column of the curve of a lake
+DISTANCE = "distance to the nearest point"  # description of a band, as surface.grid writes it
+# Of the median distance to a ground point: points that lie at random are 0.47 spacings from half of
+# all places, and farther than 1.4 spacings from one in 500.
+FAR = 3.0
 FALL = 0.3  # metres that water must fall behind a rim: roughness of ground is no rim
 INTERVAL = "level_interval"  # column of a lake, half of the 95 % interval of its level
 ERROR = "area_error"  # column of a lake, standard error of its area in square metres
@@ -85,17 +90,22 @@ class ShorelineStorageCurve:
     than what the lake has stored by then. That level and place are told. Without such a saddle it
     is the level at which the water reaches the edge of the data. Levels above are marked
     overtopped: they count what lies on the lake's side of the rim, as if it were higher, and never
-    a basin behind it.
+    a basin behind it. With `distances` the spill point has its distance to the nearest ground
+    point, and a warning says where the level is not measured, as under a bridge: no ground point is
+    within three times the median of those distances on land, which is 1.4 spacings of points that
+    lie at random, nor within a cell.
 
     With `height_error`, a standard error that all heights have in common, as that of a level or of
     a survey, the table has the limits between which area and volume lie with 95 %: the figures of
-    water that much lower and higher. Errors of single heights cancel out beside it. Not in the
+    water that much lower and higher, and for a `lake` with its level_interval those of the level
+    from which its volumes count. Errors of single heights cancel out beside it. Not in the
     limits are the spacing of points, plants taken for ground, ground under water, and an error of
     the survey's heights that was not given.
 
     The table has the level in the unit of the heights, and in metres; areas and volumes are in
-    square and cubic metres. Gains are those from the level before. The column heights names the
-    height system that the levels refer to. Lengths to set are metres.
+    square and cubic metres. Gains are those from the level before; the first level of a lake, which
+    is the water of the survey itself, has none, and no volume. The column heights names the height
+    system that the levels refer to. Lengths to set are metres.
     """
 
     points: PointCloud | None = source("Points of the ground", default=None)
@@ -137,6 +147,11 @@ class ShorelineStorageCurve:
         default=None,
         label="Lake of the basin",
         shapes="polygon",
+    )
+    distances: Raster | None = source(
+        "Distance of the cells of the terrain to ground points, as surface.grid gives with support",
+        default=None,
+        label="Distances to ground points",
     )
     height_error: float | None = param(
         "Standard error that all heights have in common, for limits of area and volume",
@@ -195,7 +210,10 @@ class ShorelineStorageCurve:
         spill_point: Vector = sink(
             "Where it does, a point at that level",
             label="Spill point",
-            columns={"level": Column("Level of the rim", "unit", 2)},
+            columns={
+                "level": Column("Level of the rim", "unit", 3),
+                "from_ground": Column("Distance to the nearest ground point", "m", 1),
+            },
         )
         missing_share: float = sink("Share of the outline, or of all, without ground", unit="1")
 
@@ -211,6 +229,11 @@ class ShorelineStorageCurve:
                 f"m² and holds {self.volume:.0f} m³ above {above}. "
                 f"The curve has {len(frame)} levels from {levels.iloc[0]:.3f} m on."
             )
+            if OVERTOPPED in frame and levels.iloc[0] <= self.lowest_ground:
+                words += (
+                    " The first one is the water of the survey itself: its area, and no volume, "
+                    "as volumes count from there."
+                )
             if frame["open"].all():
                 words = (
                     "The water goes on beyond the edge of the data at all levels: the basin here "
@@ -266,6 +289,8 @@ class ShorelineStorageCurve:
             yield "lake", "is for connected water, and in place of a seed point"
         if self.lake is not None and self.terrain is None:
             yield "lake", "is for a terrain, into which surface.flatten_water has laid the water"
+        if self.distances and (text := self._unfit_distances()):
+            yield "distances", f"{self.distances.name or 'the raster'} {text}"
         if (self.points is None) == (self.terrain is None):
             yield "points", "give points or a terrain, one of both"
             return
@@ -277,6 +302,16 @@ class ShorelineStorageCurve:
                     yield name, "is for points, not for a terrain"
         elif self.points and self.classes and "classification" not in self.points:
             yield "classes", f"{self.points.name} has no classification"
+
+    def _unfit_distances(self) -> str | None:
+        """Why a raster does not tell how far ground points are; None if it does."""
+        assert self.distances is not None
+        if DISTANCE not in self.distances.descriptions:
+            return f"has no band with the description {DISTANCE!r}"
+        if self.terrain is None:
+            return "is for a terrain, not for points"
+        text = not_on(Lattice.of(self.terrain), Lattice.of(self.distances))
+        return f"{text} of the terrain" if text else None
 
     def halo(self) -> float:
         """Infinite, as a basin may run through the whole survey."""
@@ -301,10 +336,14 @@ class ShorelineStorageCurve:
             made = with_limits(made, basin.pieces, levels, NINETY_FIVE * self.height_error, ground)
             if self.lake is not None:
                 made = with_shore(made, self.lake)
+                made = with_level(made, self._interval() / ground.metre)
         if self.lake is not None:
             made = with_rim(made, levels > spill)
         ctx.progress(1.0)
         tell(basin, opens, float(levels[-1]), ground)
+        place = spill_point(basin.spill, ground.crs)
+        if basin.spill and self.distances and self.lake is not None:
+            place = self._with_distance(place, basin.spill)
         return self.Outputs(
             curve=made,
             lowest_ground=basin.lowest,
@@ -313,8 +352,33 @@ class ShorelineStorageCurve:
             volume=float(volume[-1]),
             level_uncertainty=self._level_uncertainty(),
             spill=spill if math.isfinite(spill) else None,
-            spill_point=spill_point(basin.spill, ground.crs),
+            spill_point=place,
             missing_share=basin.missing,
+        )
+
+    def _with_distance(self, place: Vector, spill: Spill) -> Vector:
+        """The place of a spill with its distance to the ground seen, and a warning if it is far."""
+        assert self.distances is not None
+        assert self.lake is not None
+        lattice, metre = Lattice.of(self.distances), self.distances.metre
+        away = self.distances.band(self.distances.descriptions.index(DISTANCE) + 1)
+        land = np.isfinite(away)
+        if (lake := largest(self.lake)) is not None:
+            land[cells_within(lake, lattice)] = False
+        row, col = (int(k[0]) for k in lattice.indices([spill.x], [spill.y]))
+        here = float(away[row, col])
+        far = max(FAR * float(np.median(away[land])) if land.any() else 0.0, lattice.cell)
+        if not here <= far:  # also if no point is known
+            log.warning(
+                "the level at which the lake runs over, at %.1f, %.1f, is not measured: no ground "
+                "point is within %.1f m of that place, as under a bridge, a building or plants; it "
+                "lies between ground farther away",
+                spill.x,
+                spill.y,
+                far / metre,
+            )
+        return Vector(
+            place.frame.assign(from_ground=here / metre), geometry_type=place.geometry_type
         )
 
     def _levels(self, lowest: float, highest: float, metre: float) -> Array:
@@ -334,10 +398,15 @@ class ShorelineStorageCurve:
         """Half of the 95 % interval of the level of the lake; None if it is not known."""
         if not self.height_error or self.lake is None or INTERVAL not in self.lake.names:
             return None
-        frame = self.lake.frame
-        within = float(frame[INTERVAL].iloc[int(np.argmax(frame.geometry.area))])
-        known = math.hypot(within, NINETY_FIVE * self.height_error)
+        known = math.hypot(self._interval(), NINETY_FIVE * self.height_error)
         return known if math.isfinite(known) else None
+
+    def _interval(self) -> float:
+        """Half of the 95 % interval of the level of the lake within the survey; 0 if not told."""
+        if self.lake is None or INTERVAL not in self.lake.names:
+            return 0.0
+        frame = self.lake.frame
+        return float(frame[INTERVAL].iloc[int(np.argmax(frame.geometry.area))])
 
     def _basin(self, ctx: Context) -> PointBasin | RasterBasin:
         """The ground within the outline."""
@@ -524,9 +593,30 @@ def with_shore(made: Table, lake: Vector) -> Table:
     return Table(frame)
 
 
-def with_rim(made: Table, overtopped: NDArray[np.bool_]) -> Table:
-    """A storage curve with a column that marks the levels above the rim of the lake."""
+def with_level(made: Table, interval: float) -> Table:
+    """Limits of the volumes that also hold how well the level is known from which they count.
+
+    Water that stood lower by the interval, in metres, leaves room for the area of the lake times
+    that. Without a finite interval nothing changes.
+    """
     frame = made.frame
+    if not math.isfinite(interval):
+        return made
+    reach = interval * float(frame["area_m2"].iloc[0])
+    volume = frame["volume_m3"]
+    low = volume - np.hypot(volume - frame["volume_low_m3"], reach)
+    frame["volume_low_m3"] = np.maximum(low, 0.0)
+    frame["volume_high_m3"] = volume + np.hypot(frame["volume_high_m3"] - volume, reach)
+    return Table(frame)
+
+
+def with_rim(made: Table, overtopped: NDArray[np.bool_]) -> Table:
+    """A storage curve with a column that marks the levels above the rim of the lake.
+
+    At its first level, that of the survey, nothing was gained yet: its area was there before.
+    """
+    frame = made.frame
+    frame.loc[0, ["area_gain_m2", "volume_gain_m3"]] = np.nan
     frame.insert(frame.columns.tolist().index("open") + 1, OVERTOPPED, overtopped)
     return Table(frame)
 

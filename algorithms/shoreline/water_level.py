@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,10 @@ class ShorelineWaterLevel:
             cells, found = find_water(
                 points, self.min_area, level_alone=self.level_alone, ctx=ctx.part(0.4, 1.0)
             )
+            found = [
+                replace(one, number=number, area=len(one.body.cells) * cells.area)
+                for number, one in enumerate(found, 1)
+            ]
             tell(cells, found)
             warn_of(cells, found)
         else:

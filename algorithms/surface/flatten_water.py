@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from algorithms.shared.alignment import not_on
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.polygons import cells_within, polygons
-from algorithms.shared.water_columns import WATER
+from algorithms.shared.water_columns import KNOWN, LOOKS_LAID, SHORELINE, WATER
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
 from toolbox.data.crs import unit_of_heights
@@ -35,8 +35,11 @@ Mask = NDArray[np.bool_]
 Surface = Callable[[Array, Array], Array]
 """The heights of a water at places x and y."""
 LEVEL, SLOPE, EVIDENCE = "level", "slope", "evidence"  # attributes of a polygon of water
+BODY, KIND, AREA, LENGTH = "body", "kind", "area", "length"
 INTERVAL = "level_interval"  # half of the 95 % interval of the level
 COVERED = 0.5  # share of a found water: if more of it is known to be another one, it goes
+NAMED = 10  # waters in one warning
+EVEN = 0.01  # m: as far as heights of a map are written; a river falls by more
 NO_SHORE = 1.0  # m below the water, as high as a wall: more than noise, waves and ditches explain
 
 
@@ -63,7 +66,8 @@ class SurfaceFlattenWater:
     What is known better, as outlines from a map or drawn by hand where none was found, comes as
     `known`: polygons with the attribute `level`, or without, with heights at their vertices. They
     are laid as they are. A found water that they cover by more than half goes, of another one the
-    rest stays. What was laid is `laid`.
+    rest stays. What was laid is `laid`, in which known water is numbered after the found one, and
+    `laid_shoreline` its outlines, if those of the found water are given as `shoreline`.
 
     A `surface` with objects on it, as of the highest points, gets the water, too: its cells on the
     water that are empty or lower have the height of the water, so that there is no hole where the
@@ -77,6 +81,12 @@ class SurfaceFlattenWater:
         shapes="polygon",
         default=None,
         label="Known water",
+    )
+    shoreline: Vector | None = source(
+        "Outlines of the water as lines, of which those of known water take the place",
+        shapes="line",
+        default=None,
+        label="Outlines as lines",
     )
     surface: Raster | None = source(
         "Surface with objects on the same cells, into which the water is laid, too",
@@ -117,6 +127,13 @@ class SurfaceFlattenWater:
             columns=WATER,
             listed=False,
         )
+        laid_shoreline: Vector | None = sink(
+            "Outlines of the water that was laid, as lines; of kind known where it was given",
+            show=show.Classes(KIND, LOOKS_LAID),
+            columns=SHORELINE,
+            label="Outlines of water as lines",
+            listed=False,
+        )
         filled: int = sink(
             "Empty cells of the surface that are water", unit="1", label="Filled cells"
         )
@@ -136,7 +153,7 @@ class SurfaceFlattenWater:
                     f"to it by at most {self.largest_raise / metres:.2f} {unit}."
                 )
             rows = self.laid.frame.to_dict("records")
-            if known := sum(row.get(EVIDENCE) == "known" for row in rows):
+            if known := sum(row.get(EVIDENCE) == KNOWN for row in rows):
                 words += (
                     f" Water bodies that were given as known: {known}; what is said of waters that "
                     "were found, and of their shores, is without these."
@@ -153,8 +170,12 @@ class SurfaceFlattenWater:
         def _falls(self) -> bool:
             """Whether the surface of some of the water is not level."""
             return any(
-                not math.isfinite(_number(row.get(LEVEL))) or _number(row.get(SLOPE)) > 0
-                for row in self.laid.frame.to_dict("records")
+                _number(row.get(SLOPE)) > 0 if math.isfinite(_number(row.get(LEVEL))) else not even
+                for row, even in zip(
+                    self.laid.frame.to_dict("records"),
+                    _are_even(self.laid.frame.geometry.to_numpy(), self.flattened.metre),
+                    strict=True,
+                )
             )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
@@ -236,6 +257,7 @@ class SurfaceFlattenWater:
                 units=self.terrain.units[:1],
             ),
             laid=self._laid,
+            laid_shoreline=self.shoreline and self._lines(self.shoreline),
             surface_with_water=self.surface and self._with_water(made, wet | raised),
             filled=0 if top is None else int(np.count_nonzero((wet | raised) & np.isnan(top))),
             raised=int(np.count_nonzero(raised)),
@@ -336,22 +358,55 @@ class SurfaceFlattenWater:
         gone = shared > COVERED * shapely.area(shapes)
         if np.any(gone):
             log.warning(
-                "%d of %d found waters give way to known ones", np.count_nonzero(gone), len(found)
+                "%d of %d found waters give way to known ones%s",
+                np.count_nonzero(gone),
+                len(found),
+                _numbers(found[gone]),
             )
         if np.any(cut := ~gone & (shared > Lattice.of(self.terrain).cell ** 2)):
             log.warning(
-                "known water is cut out of %d found waters, whose attributes are of all of them",
+                "known water is cut out of %d found waters, whose attributes are of all of them%s",
                 np.count_nonzero(cut),
+                _numbers(found[cut]),
             )
         rest = found.set_geometry(np.where(cut, shapely.difference(shapes, every), shapes))
         return rest[~gone]
 
     @cached_property
     def _laid(self) -> Vector:
-        """The water that is laid: what was found, and what is known."""
+        """The water that is laid: what was found, and what is known, numbered after it."""
         if not self.known:
             return self._found
-        return Vector.concat([self._found, Vector(self.known.frame.assign(**{EVIDENCE: "known"}))])
+        known, metre = self.known.frame.assign(**{EVIDENCE: KNOWN}), self.terrain.metre
+        shapes = known.geometry.to_numpy()
+        if BODY in self.water.names:
+            last = int(self.water.frame[BODY].max()) if len(self.water) else 0
+            known[BODY] = np.arange(last + 1, last + 1 + len(known))
+            known[AREA] = shapely.area(shapes) / metre**2
+        tops = [shapely.get_coordinates(shape, include_z=True)[:, 2].mean() for shape in shapes]
+        levels = known[LEVEL] if LEVEL in known else [None] * len(known)
+        known[LEVEL] = [
+            _number(level) if math.isfinite(_number(level)) else top if even else math.nan
+            for level, top, even in zip(levels, tops, _are_even(shapes, metre), strict=True)
+        ]
+        return Vector.concat([self._found, Vector(known)])
+
+    def _lines(self, shoreline: Vector) -> Vector:
+        """Outlines of what was laid: those of found water where it stays, then of known water."""
+        found, metre = shoreline.frame, self.terrain.metre
+        if not self.known:
+            return shoreline
+        laid = self._laid.frame
+        known = laid[laid[EVIDENCE] == KNOWN]
+        every = shapely.union_all(shapely.force_2d(known.geometry.to_numpy()))
+        found = found[found[BODY].isin(laid[BODY])]
+        found = found.set_geometry(shapely.difference(found.geometry.to_numpy(), every))
+        rings = known.set_geometry(shapely.boundary(known.geometry.to_numpy()))
+        rings = rings.assign(**{KIND: KNOWN})[[BODY, KIND, LEVEL, rings.geometry.name]]
+        both = Vector.concat([Vector(found), Vector(rings)]).frame.explode(ignore_index=True)
+        both = both[~both.geometry.is_empty]
+        both[LENGTH] = np.round(both.geometry.length / metre, 2)
+        return Vector(both, geometry_type="LineString Z")
 
 
 def _surfaces(layer: Vector, name: str) -> Iterator[tuple[shapely.Polygon, Surface]]:
@@ -371,6 +426,21 @@ def _surface_of(row: Any, shape: shapely.Polygon, name: str) -> Surface:
     if not np.isfinite(corners).all():
         raise DataError("surface.flatten_water", {name: "a polygon has no level"})
     return between(corners)
+
+
+def _numbers(waters: geopandas.GeoDataFrame) -> str:
+    """Text on the numbers of the first of some waters, if they have some."""
+    if BODY not in waters:
+        return ""
+    numbers = [str(number) for number in waters[BODY].unique()]
+    more = ", ..." if len(numbers) > NAMED else ""
+    return f": water body {', '.join(numbers[:NAMED])}{more}"
+
+
+def _are_even(shapes: Sequence[shapely.Polygon], metre: float) -> list[bool]:
+    """Whether the vertices of polygons have one height, to a centimetre as levels are told."""
+    heights = [shapely.get_coordinates(shape, include_z=True)[:, 2] for shape in shapes]
+    return [bool(np.ptp(z) <= EVEN * metre) for z in heights]
 
 
 def _number(value: Any) -> float:

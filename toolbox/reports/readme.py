@@ -47,6 +47,7 @@ class Entry:
     ----------
     layer : its name in a GeoPackage, else ""
     size : points, features, rows or cells; None where nothing is counted
+    shape : of its features: point, line or polygon; "" if of several or none
     without : points that were read and are not in it
     columns : name, unit and meaning of each column of a table or attribute of features
     left_out : why it is not there; "" if it is
@@ -63,6 +64,7 @@ class Entry:
     unit: str = ""
     drawn: Sequence[tuple[str, str, int]] = ()
     without: int = 0
+    shape: str = ""
 
 
 def readme(
@@ -150,7 +152,7 @@ def _files(entries: Sequence[Entry]) -> Iterator[str]:
         yield f"{file}{f'  ({language.told(opens)})' if opens else ''}"
         for entry in [entry for entry in entries if entry.file == file]:
             layer = f"{entry.layer}: " if entry.layer else ""
-            count = "" if entry.size is None else f" [{language.counted(entry.size)}]"
+            count = "" if entry.size is None else f" [{_counted(entry)}]"
             if entry.without:
                 lost = language.counted(entry.without)
                 count += language.told(f"; {lost} of the points that were read are not in it")
@@ -158,6 +160,17 @@ def _files(entries: Sequence[Entry]) -> Iterator[str]:
             yield from textwrap.wrap(
                 text, _WIDTH, initial_indent="    ", subsequent_indent="      "
             )
+
+
+def _counted(entry: Entry) -> str:
+    """What a file or a layer holds, in numbers; of features what they are.
+
+    A water or a façade may have several lines.
+    """
+    number = language.counted(entry.size or 0)
+    if entry.shape == "line":
+        return language.told(f"number of lines: {number}")
+    return language.told(f"number of polygons: {number}") if entry.shape == "polygon" else number
 
 
 def _drawings(entries: Sequence[Entry]) -> Iterator[str]:

@@ -23,7 +23,7 @@ from toolbox.data.layer import Layer
 from toolbox.data.report.columns import column_of
 from toolbox.data.report.document import today
 from toolbox.declare.delivered import Delivered
-from toolbox.declare.fields import Spec
+from toolbox.declare.fields import SHAPE_OF, Spec
 from toolbox.errors import DataError, ParameterError
 from toolbox.reports.page import Told
 from toolbox.reports.readme import Entry, readme
@@ -312,6 +312,9 @@ def _entry(
     entry = Entry(one.file, str(one.options.get("layer", "")), one.help, size, reason, columns)
     if size is not None and read is not None and spec.results[one.output].kind.word == "PointCloud":
         entry = replace(entry, without=max(0, read - size))
+    if isinstance(layer, Vector):
+        shapes = {SHAPE_OF.get(name, "") for name in layer.frame.geom_type.dropna().unique()}
+        entry = replace(entry, shape=shapes.pop() if len(shapes) == 1 else "")
     if not (one.file.lower().endswith(".dxf") and isinstance(layer, Vector)):
         return entry
     layers = dxf.layers_of(layer.frame, Path(one.file)).items()

@@ -419,6 +419,64 @@ def test_the_curve_of_a_lake_begins_at_its_level_and_ends_where_it_runs_over() -
     assert other.lowest_ground == 5.0
 
 
+def test_the_first_level_of_a_lake_has_its_area_and_no_gains() -> None:
+    """Its area was a gain, as of a basin that had been empty."""
+    terrain, lake = dammed()
+    found = ShorelineStorageCurve(terrain=terrain, lake=lake, step=0.5).run()
+    frame = found.curve.frame
+    assert frame[["area_gain_m2", "volume_gain_m3"]].iloc[0].isna().all()
+    assert frame[["area_gain_m2", "volume_gain_m3"]].iloc[1:].notna().all(axis=None)
+    assert "The first one is the water of the survey itself" in found.in_words()
+    empty = ShorelineStorageCurve(terrain=terrain, step=0.5).run()
+    assert "The first one" not in empty.in_words()
+    assert empty.curve.frame["area_gain_m2"].notna().all()
+
+
+def distances(cells: int) -> Raster:
+    """Ground points in each cell but within some cells of the gap of `dammed`."""
+    away = np.full((30, 30), 0.4)
+    away[17 - cells : 18 + cells, 9 - cells : 10 + cells] = 0.5 + cells
+    lattice = Lattice(500_000.0, 4_400_000.0, 1.0, 30, 30)
+    names = ("z (nearest)", "points used", "distance to the nearest point")
+    bands = np.stack([away, away, away])
+    return Raster.from_lattice(bands, lattice, crs=CRS(32635), descriptions=names)
+
+
+@pytest.mark.parametrize(("cells", "told"), [(0, False), (1, True)])
+def test_a_spill_that_no_ground_point_is_near_is_told(
+    cells: int, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Under a bridge the rim lies between ground on both sides, and seemed to be measured."""
+    terrain, lake = dammed()
+    near = distances(cells)
+    found = ShorelineStorageCurve(terrain=terrain, lake=lake, distances=near).run()
+    assert found.spill_point.frame["from_ground"].tolist() == [0.5 + cells]
+    assert ("at 500009.5, 4399982.5, is not measured: no ground" in caplog.text) == told
+
+
+def test_distances_are_those_of_the_cells_of_the_terrain() -> None:
+    terrain, lake = dammed()
+    with pytest.raises(DataError, match="has no band with the description"):
+        ShorelineStorageCurve(terrain=terrain, lake=lake, distances=terrain).run()
+
+
+def test_limits_of_volumes_hold_the_level_from_which_they_count() -> None:
+    """A level that was known to 0.3 m had volumes as sure as those of a calm lake."""
+    terrain, lake = dammed()
+    unsure = Vector(lake.frame.assign(level_interval=0.3))
+    calm, rough = (
+        ShorelineStorageCurve(terrain=terrain, lake=one, step=0.5, height_error=0.01).run()
+        for one in (lake, unsure)
+    )
+    one, two = calm.curve.frame, rough.curve.frame
+    np.testing.assert_array_equal(one["volume_m3"], two["volume_m3"])
+    up = two["volume_high_m3"] - two["volume_m3"]
+    np.testing.assert_allclose(up, np.hypot(one["volume_high_m3"] - one["volume_m3"], 30.0))
+    assert two["volume_low_m3"].iloc[0] == 0, "no water is less than none"
+    last = two.iloc[-1]
+    assert last["volume_m3"] - last["volume_low_m3"] == pytest.approx(30.0, rel=0.01)
+
+
 def risen(heights: Floats, level: float, box: tuple[int, int, int, int], **how: Any) -> Any:
     """The curve of a lake on rows and columns of cells of 1 m; box is its rows and columns."""
     rows, cols = heights.shape

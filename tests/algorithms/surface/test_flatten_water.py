@@ -241,10 +241,46 @@ def test_known_water_takes_the_place_of_what_it_covers(caplog: pytest.LogCapture
     known = layer(bank(0, 10, (8, 8)))
     made = SurfaceFlattenWater(terrain=ground, water=found, known=known).run()
     assert "1 of 2 found waters give way to known ones" in caplog.text
+    assert "water body" not in caplog.text, "they have no numbers"
     np.testing.assert_array_equal(made.flattened.band()[9], [*[8] * 10, *[9] * 10])
     assert made.laid.frame.geometry.area.tolist() == [40, 40], "what is left of the other one"
     low = SurfaceFlattenWater(terrain=ground, water=found, known=known, level=6.0).run()
     np.testing.assert_array_equal(low.flattened.band()[9], [*[8] * 10, *[6] * 10])
+
+
+def test_known_water_is_numbered_after_what_was_found_and_has_its_lines() -> None:
+    """Lines of the set were those of found water alone, also where it had given way."""
+    ground = raster(np.full((20, 20), 12.0))
+    shapes = bank(0, 8, (9, 9)), bank(8, 20, (9, 9))
+    found = layer(*shapes, level=[9.0, 9.0], body=[1, 2], area=[32.0, 48.0])
+    rings = [shapely.LineString(shape.exterior) for shape in shapes]
+    lines = layer(*rings, body=[1, 2], kind=["shore"] * 2, level=[9.0, 9.0], length=[24.0, 32.0])
+    made = SurfaceFlattenWater(
+        terrain=ground, water=found, known=layer(bank(0, 10, (8, 8))), shoreline=lines
+    ).run()
+    assert made.laid.frame["body"].tolist() == [2, 3]
+    assert made.laid.frame["area"].tolist() == [48.0, 40.0]
+    assert made.laid.frame["level"].tolist() == [9.0, 8.0], "of heights that are all alike"
+    assert made.laid_shoreline is not None
+    drawn = made.laid_shoreline.frame
+    assert set(zip(drawn["body"], drawn["kind"], drawn["level"], strict=True)) == {
+        (2, "shore", 9.0),
+        (3, "known", 8.0),
+    }
+    assert drawn["length"].sum() == pytest.approx((10 + 4 + 10) + (10 + 4) * 2)
+    assert drawn.geometry.has_z.all()
+    alone = SurfaceFlattenWater(terrain=ground, water=found, shoreline=lines).run().laid_shoreline
+    assert alone is not None
+    assert alone.frame.equals(lines.frame)
+
+
+def test_known_water_of_one_height_is_no_river() -> None:
+    """Heights at the vertices of a lake, and no attribute, made it fall downstream in words."""
+    ground = raster(np.full((20, 20), 12.0))
+    for heights, falls in (((8.0, 8.0), False), ((8.0, 7.0), True)):
+        known = layer(bank(0, 10, heights))
+        words = SurfaceFlattenWater(terrain=ground, water=pond(), known=known).run().in_words()
+        assert ("they fall downstream" in words) == falls
 
 
 BOW = shapely.Polygon(

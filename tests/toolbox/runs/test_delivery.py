@@ -106,7 +106,7 @@ def test_the_set_is_written_and_named_in_words(model: str, points: Path, tmp_pat
         "2026-17",
         "WGS 84 / UTM zone 35N",
         "hill.laz",
-        "Lines [7]",
+        "Lines [number of lines: 7]",
     ):
         assert words in text
     assert "Hill of Delft" in (tmp_path / "out" / "report.html").read_text()
@@ -561,7 +561,7 @@ def test_a_layer_of_a_step_that_is_off_is_not_said_to_be_there(
     tiling = Tiling.parse({"tile": 20, "workers": 1}) if tiled else None
     toolbox.run(model, {"points": points, "deliver": tmp_path / "out"}, tiling=tiling)
     files, _, left_out = (tmp_path / "out" / "README.txt").read_text().partition("Left out\n")
-    assert "contours: Lines [7]" in files
+    assert "contours: Lines [number of lines: 7]" in files
     assert "More lines" not in files
     why = " ".join(left_out.split())
     assert "lines.gpkg, more (More lines): nothing of this kind was asked for or found" in why

@@ -88,8 +88,8 @@ python -m toolbox run models.power_line_clearance --points line.laz --rule_table
 per kV, and `altitude`, up to which the distance is enough (of a regulation whose distances grow
 with altitude, take the row for your line). `within` and `note` may be empty or missing.
 `confirmed` tells if you vouch
-for the value: the report says *given by the user*, and *to be confirmed* otherwise. If any row is
-in ft, what is near without a rule follows the order of the USA. What is wrong in a table is told
+for the value: the report says *given for this report*, and *to be confirmed* otherwise. If any row
+is in ft, what is near without a rule follows the order of the USA. What is wrong in a table is told
 row by row, before the run.
 """
 

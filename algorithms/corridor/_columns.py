@@ -110,6 +110,7 @@ KINDS = {
     "kind": Column("Kind"),
     "nearest": Column("Nearest", "m", 2),
     "too close": Column("Too close"),
+    "watched": Column("To be watched"),
     "may fall": Column("May fall on a wire"),
     "near, no rule": Column("Near without a rule"),
     "points_0_20": SPANS["points_0_20"],
@@ -174,7 +175,15 @@ WIRES = {
         "°",
         1,
         meaning="Angle by which it hangs beside the vertical, above 0 to the left of the axis; "
-        "empty where it sags too little to tell",
+        "empty where it sags too little to tell, unsure where sd_swing is above 2 degrees",
+    ),
+    "sd_swing": Column(
+        "Standard deviation of the swing",
+        "°",
+        1,
+        meaning="By the scatter of the points, how much was seen, and how far the wires of the "
+        "span disagree",
+        never_zero=True,
     ),
     "sag": Column("Sag", "m", 2, meaning="Greatest vertical distance below its chord"),
     "length": Column("Length of the wire", "m", 1),
@@ -207,6 +216,7 @@ TOWERS = {
     "kind": Column("Kind"),
     "height": Column("Height", "m", 1),
     "top": Column("Elevation of the top", "m", 2),
+    "elevation": Column("Elevation", "unit", 2),
     "low_wire": Column("Lowest wire", "m", 2),
     "high_wire": Column("Highest wire", "m", 2),
     "azimuth": Column("Azimuth", "°", 0),

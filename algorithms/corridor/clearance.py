@@ -710,7 +710,7 @@ class CorridorClearance:
         american = False
         if self.distance is not None:
             rules = single(self.distance)
-            why = {kind: f"distance is not for {kind}" for kind in KINDS}
+            why = {kind: f"the given distance does not hold for {kind}" for kind in KINDS}
         else:
             table = rule_set(self.rules) if self.rule_table is None else self.rule_table
             own = self.rule_table is not None
@@ -723,8 +723,10 @@ class CorridorClearance:
     def _basis(self) -> str:
         """What the distances required are, in a sentence; lengths of this tool are in metres."""
         if self.distance is not None:
-            far = f"{self.distance:g} m of all objects"
-            return f"Distance required: {far}, as chosen for this run; it is no regulation."
+            return (
+                f"Distance required: {self.distance:g} m from all objects, as given for this "
+                "report; no rule set was applied, and it is no regulation."
+            )
         if self.rule_table is not None:
             return f"Distances required: those of the table {self.rule_table.name}."
         return basis_of(self.rules, self.voltage)

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 _ALWAYS = ("cell", "interval", "height_error", "rules", "voltage")
 """Settings that are told also at their defaults."""
 
-_INSTEAD = {"rules": "distance"}  # a setting that is not used where another one is given
+_INSTEAD = {"rules": ("rule_table", "distance")}
+"""Settings that are not used where one of others is given."""
+
 _MOST_FILES = 4  # that are named
 
 
@@ -99,12 +101,22 @@ def chosen_settings(spec: Spec, record: Record | None, layers: Sequence[Layer] =
     idle = spec.idle(record.parameters)
     for name, value in record.parameters.items():
         field = spec.inputs[name]
-        if record.parameters.get(_INSTEAD.get(name, "")) is not None or name in idle:
+        if in_place_of(name, record) or name in idle:
             continue
         default = None if field.required else field.to_json(field.default_in(foot))
         if value is not None and (value != default or name in _ALWAYS):
             parts.append(f"{language.text(field.title)} {_told(field, value, data_unit)}")
     return "; ".join(parts)
+
+
+def in_place_of(name: str, record: Record) -> str:
+    """The input that was given in place of a setting, which was not used then; "" for none."""
+    given = (
+        other
+        for other in _INSTEAD.get(name, ())
+        if record.inputs.get(other) or record.parameters.get(other) is not None
+    )
+    return next(given, "")
 
 
 def _told(field: Field, value: Any, data_unit: Unit | None) -> str:

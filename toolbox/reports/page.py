@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from toolbox import language
 from toolbox.data import Figure, Raster, Report, Rows, Section, Table
 from toolbox.data.crs import Unit
 from toolbox.data.layer import Layer
@@ -15,7 +16,7 @@ from toolbox.declare.fields import Field, Spec
 from toolbox.pictures.draw import drawable, png
 from toolbox.reports import counted, words
 from toolbox.reports.counted import Cells
-from toolbox.reports.facts import chosen_settings, facts_of, layers_of
+from toolbox.reports.facts import chosen_settings, facts_of, in_place_of, layers_of
 from toolbox.reports.maps import DRAWING, maps_of
 from toolbox.reports.space import space_of
 from toolbox.reports.units import drawn_in, in_both, in_unit, unit_of_data
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
 
+_NAME = "Name in the program"  # of a setting
 _MOST_INPUTS = 12  # files that are named on paper
 STRIP = 4  # times as long as wide, a map shows little
 
@@ -297,7 +299,11 @@ def _charts(found: Mapping[str, Any], spec: Spec, unit: Unit | None) -> list[Sec
 def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
     """Section with the size of each layer that is not listed."""
     rows = [
-        {"Layer": name, "Holds": spec.results[name].help, "Size": layer.size_text()}
+        {
+            "Layer": words.titled(spec.results[name]),
+            "Holds": spec.results[name].help,
+            "Size": layer.size_text(),
+        }
         for name, layer in layers.items()
         if layer.size_text() and not isinstance(layer, Raster)
     ]
@@ -305,18 +311,26 @@ def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
 
 
 def _settings(spec: Spec, record: Record | None, unit: Unit | None) -> list[Section]:
-    """Section with all settings; lengths that are round in the unit of the data are told in it."""
+    """Section with all settings; lengths that are round in the unit of the data are told in it.
+
+    On paper without their names in the program, which who runs it again needs.
+    """
     if record is None:
         return []
     rows = []
     for name, said in spec.inputs.items():
         if name in record.parameters:
             value, of = words.setting_in(said, record.parameters[name], unit)
+            if other := in_place_of(name, record):
+                value, of = f"not used: {spec.inputs[other].title} is given in its place", ""
             row = {"Setting": said.title, "Meaning": said.help, "Value": value, "Unit": of}
-            rows.append({**row, "Name": name})
-    columns = {"Name": Column("Name", as_is=True)}
-    block = Rows(Table.from_rows(rows), columns=columns)
-    return [Section("Settings", [block], folded=True)] if rows else []
+            rows.append({**row, _NAME: name})
+    if not rows:
+        return []
+    table = Table.from_rows(rows)
+    block = Rows(table, columns={_NAME: Column(_NAME, as_is=True)})
+    printed = Rows(Table(table.frame.drop(columns=_NAME)))
+    return [Section("Settings", [block], folded=True, printed=[printed])]
 
 
 def _made(spec: Spec, record: Record | None, layers: Sequence[Layer]) -> list[Section]:
@@ -342,7 +356,10 @@ def _made(spec: Spec, record: Record | None, layers: Sequence[Layer]) -> list[Se
     printed: list[Block] = [text]
     if files:
         printed.append(Rows(Table.from_rows(files), most=_MOST_INPUTS))
-    return [Section("How it was made", [record.text()], folded=True, printed=printed)]
+    # The first line of a record names the file, whose words are those of the program.
+    body = record.text().partition("\n")[2]
+    whole = f"{language.text(spec.title)} ({spec.id})\n{body}"
+    return [Section("How it was made", [whole], folded=True, printed=printed)]
 
 
 def told_by(spec: Spec, result: Any) -> tuple[Sequence[str], Sequence[str]]:

@@ -31,9 +31,9 @@ from toolbox.data import Table
 
 # How near work, such as with cranes, may come to a line: highest voltage, kV, and distance.
 APPROACH = ((1, 1.0), (110, 3.0), (220, 4.0), (380, 5.0))  # metres
-APPROACH_SOURCE = "DIN VDE 0105-100, by DGUV Regel 114-014, section 6.7"
+APPROACH_SOURCE = "DIN VDE 0105-100, by DGUV Regel 114-014, § 6.7"
 UNKNOWN_APPROACH = 5.0  # metres
-UNKNOWN_SOURCE = "DIN VDE 0105-100 for an unknown voltage, by DGUV Regel 114-014, section 6.7"
+UNKNOWN_SOURCE = "DIN VDE 0105-100 for an unknown voltage, by DGUV Regel 114-014, § 6.7"
 AMERICAN = ((50, 10), (200, 15), (350, 20), (500, 25), (750, 35), (1000, 45))  # feet
 AMERICAN_SOURCE = "29 CFR § 1926.1408, table A, which cranes must keep in the USA"
 LARGEST_SOURCE = "the largest distance that other objects must keep"
@@ -42,7 +42,8 @@ LINE_SOURCE = "the largest distance that lines must keep"
 OWN_SOURCE = "as far as these rules reach"
 BESIDE = "nothing is asked for what is beside the wire"
 BELOW = "nothing is asked for what is below the wire"
-WAYS = ("too close", "may fall", "near, no rule")
+NEAR = "near, no rule"
+WAYS = ("too close", "watched", "may fall", NEAR)
 
 
 @dataclass(frozen=True)
@@ -156,8 +157,10 @@ def coverage_of(
 def _way(rule: Rule) -> str:
     """In which of several ways an object is listed."""
     if rule.severity == NO_RULE:
-        return "near, no rule"
-    return "may fall" if rule.id == FALLING.id else "too close"
+        return NEAR
+    if rule.id == FALLING.id:
+        return "may fall"
+    return "watched" if rule.severity == "watch" else "too close"
 
 
 def rules_for(kind: str, rules: Sequence[Rule], *, sources: bool = True) -> str:
@@ -165,8 +168,9 @@ def rules_for(kind: str, rules: Sequence[Rule], *, sources: bool = True) -> str:
     own = [rule for rule in rules if rule.severity != UNSURE and rule.id != FALLING.id]
     held = [rule for rule in own if rule.holds_for(kind)]
     missing = [rule for rule in held if rule.severity == NO_RULE]
-    told = ", ".join(rule.id for rule in held if rule.severity != NO_RULE)
-    if told and kind == "unclassified":
+    ids = [rule.id for rule in held if rule.severity != NO_RULE]
+    told = ", ".join(ids)
+    if len(ids) > 1 and kind == "unclassified":
         told = f"held to the strictest of {told}"
     if not missing:
         return told
@@ -189,7 +193,7 @@ def _near(
     for number, kind in enumerate(KINDS):
         own = without & (surroundings.kind[found.point] == number)
         if own.any():
-            listed = sum(one.kind == kind and _way(rules[one.rule]) == WAYS[2] for one in objects)
+            listed = sum(one.kind == kind and _way(rules[one.rule]) == NEAR for one in objects)
             yield (
                 f"{kind}: objects {listed}, points {own.sum()}, the nearest at "
                 f"{found.space[own].min():.2f} m; {rules_for(kind, rules)}"

@@ -23,9 +23,10 @@ from PIL import Image
 MARGINS = {"left": 70, "right": 165, "above": 10, "below": 45}
 DOT = 2  # pixels, of a point
 TICK_SPACING = 80  # pixels from one tick to the next, or more
-LETTER = 6, 8  # pixels, width and height of a letter of 10 pixels
+LETTER = 6.5, 8  # pixels, width (of a digit 6.4) and height of a letter of 10 pixels
+MARK = 3  # pixels, radius of a mark
 GAP = 4  # pixels between a position and its text, and between texts
-RINGS = 12  # ever farther around a position, by a letter, where a free place is looked for
+RINGS = 40  # ever farther around a position, by a letter, where a free place is looked for
 SIDES = ((1, -1), (1, 1), (-1, -1), (-1, 1), (1, 0), (-1, 0), (0, -1), (0, 1))  # right, down
 
 Floats = NDArray[np.float64]
@@ -97,7 +98,7 @@ class Drawing:
         self.shapes.append({"shape": "mark", "colour": colour, **self._position(x, y)})
 
     def text(self, x: float, y: float, text: str, colour: str = "#000") -> None:
-        """Write a small text beside a position, where no earlier text stands."""
+        """Write a small text beside a position, on no other text; none where there is no room."""
         self.texts.append({"text": text, "colour": colour, **self._position(x, y)})
 
     def key(self, shape: str, name: str, colour: str, dashes: str = "") -> None:
@@ -113,6 +114,7 @@ class Drawing:
         text = _template().render(
             vars(self),
             **MARGINS,
+            mark=MARK,
             placed=list(self._placed()),
             wide=self.size[0],
             tall=self.size[1],
@@ -125,7 +127,9 @@ class Drawing:
         """The texts, each with the place of its first letter, and where its leader ends if far."""
         taken: list[Box] = []
         for text in self.texts:
-            ring, box = self._free(text, taken)
+            if (place := self._free(text, taken)) is None:
+                continue
+            ring, box = place
             taken.append(box)
             left, top, right, bottom = box
             yield {
@@ -137,33 +141,43 @@ class Drawing:
                 "to_y": round(min(max(text["y"], top), bottom), 1),
             }
 
-    def _free(self, text: dict[str, Any], taken: Sequence[Box]) -> tuple[int, Box]:
-        """The nearest place of a text in the window on no other; if there is none, the nearest."""
+    def _free(self, text: dict[str, Any], taken: Sequence[Box]) -> tuple[int, Box] | None:
+        """The nearest place of a text in the window on no other, on no mark either if there is one.
+
+        None where all places are taken.
+        """
         wide, tall = LETTER[0] * len(text["text"]), LETTER[1]
         places = []
         for ring, (right, down) in itertools.product(range(RINGS), SIDES):
             away = GAP + ring * tall
-            left = text["x"] + right * away - wide * (1 - right) / 2
-            top = text["y"] + down * away - tall * (1 - down) / 2
+            left = _within(text["x"] + right * away - wide * (1 - right) / 2, self.size[0] - wide)
+            top = _within(text["y"] + down * away - tall * (1 - down) / 2, self.size[1] - tall)
             places.append((ring, (left, top, left + wide, top + tall)))
-        seen = [place for place in places if self._holds(place[1])] or places
-        return next((p for p in seen if not any(_meet(p[1], box) for box in taken)), seen[0])
+        free = [place for place in places if not any(_meet(place[1], box, GAP) for box in taken)]
+        marks = [self._box_of(shape) for shape in self.shapes if shape["shape"] == "mark"]
+        clear = (p for p in free if not any(_meet(p[1], box, 0.0) for box in marks))
+        return next(clear, free[0] if free else None)
 
-    def _holds(self, box: Box) -> bool:
-        """Whether a box lies in the window."""
-        left, top, right, bottom = box
-        return left >= 0 and top >= 0 and right <= self.size[0] and bottom <= self.size[1]
+    @staticmethod
+    def _box_of(mark: dict[str, Any]) -> Box:
+        x, y = mark["x"], mark["y"]
+        return x - MARK, y - MARK, x + MARK, y + MARK
 
     def _position(self, x: float, y: float) -> dict[str, float]:
         a, b = self.at(np.array(x), np.array(y))
         return {"x": round(float(a), 1), "y": round(float(b), 1)}
 
 
-def _meet(one: Box, other: Box) -> bool:
-    """Whether two boxes are nearer to each other than the gap between texts."""
+def _within(start: float, last: float) -> float:
+    """Where a text starts that begins in the window and ends there, if it has room."""
+    return max(min(start, last), 0.0)
+
+
+def _meet(one: Box, other: Box, gap: float) -> bool:
+    """Whether two boxes are nearer to each other than a gap."""
     return all(
-        one[k] < other[k + 2] + GAP
-        and other[k] < one[k + 2] + GAP  # left and right, top and bottom
+        one[k] < other[k + 2] + gap
+        and other[k] < one[k + 2] + gap  # left and right, top and bottom
         for k in (0, 1)
     )
 

@@ -19,7 +19,7 @@ from algorithms.corridor._clearance.missed import WireLike
 from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rest import Band, interval_of
 from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, UNSURE, Rule
-from algorithms.corridor._clearance.surroundings import Floats, LineStates, Object, Surroundings
+from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from toolbox.data import PointCloud, Table, Vector
 
 # Degrees, of the standard deviation. Twice as much is what 8 m/s make of a Drake, a wind in which
@@ -242,13 +242,11 @@ def span_table(
     rows = []
     for span in line.spans:
         own = np.flatnonzero(line.span == span)
-        surveyed = [math.degrees(math.atan(line.curves[0][k].swing)) for k in own]
-        disagreement = disagreement_of(np.array(surveyed), line.swing_sd[own])
         for number, state in enumerate(line.states):
             curves = [line.curves[number][k] for k in own]
             swung = max(own, key=lambda k: abs(line.curves[number][k].swing))
             swing = math.degrees(math.atan(line.curves[number][swung].swing))
-            swing_sd = math.nan if number else line.swing_sd[swung] * disagreement
+            swing_sd = math.nan if number else float(line.swing_sd[swung])
             unknown = number == 0 and (not swing or swing_sd > SURE_SWING)
             rows.append(
                 {
@@ -275,24 +273,6 @@ def span_table(
                 }
             )
     return Table(pd.DataFrame(rows, columns=SPAN_COLUMNS), name="spans")
-
-
-def disagreement_of(values: Floats, sigmas: Floats) -> float:
-    """How many times farther the values of wires are apart than their errors say, at least 1.
-
-    One wind swings all wires of a span, so their swings differ by their errors. This is the Birge
-    ratio, the root of chi-square over the degrees of freedom; values without an error are left out.
-
-    Parameters
-    ----------
-    values, sigmas : arrays of shape (m,), and their standard deviations, in the same unit
-    """
-    known = sigmas > 0  # not NaN
-    if known.sum() < 2:
-        return 1.0
-    values, weights = values[known], sigmas[known] ** -2.0
-    squares = weights * (values - np.average(values, weights=weights)) ** 2
-    return max(1.0, math.sqrt(squares.sum() / (len(values) - 1)))
 
 
 def _least_of(

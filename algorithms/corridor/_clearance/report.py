@@ -42,6 +42,8 @@ BROKEN = SEVERITIES[:2]  # of what is nearer than a rule allows
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
 PROFILE_BESIDE = 20.0  # metres to both sides of a span that its profile shows
 SHEET, MOST_SHEETS = 800.0, 20  # length of a sheet of the map, metres; longer if there were more
+# Shares of the width and the height of a profile around what it shows: room for a name of a tower.
+PROFILE_ROOM = np.array([0.02, 0.06])
 MAP_SIZE, PROFILE_SIZE = (850.0, 930.0), (880.0, 350.0)  # pixels, the former at most
 STRETCH_LENGTH = 10.0  # metres
 RIGHT_BELOW, BELOW_COLOUR = 1.0, "#7a4a10"  # metres to the side of a wire, and colour in profiles
@@ -106,9 +108,9 @@ SPAN_CAPTION = (
 )
 KIND_CAPTION = (
     "For each kind of object: its least distance in space from a wire, of what is near the wires "
-    "in plan; how many objects are too close, reach a wire only if they fall, or are near and have "
-    "no rule; its points by their distance from the wires; and the rules it is held to. Line means "
-    "the conductors of another line"
+    "in plan; how many objects are too close, are to be watched as trees that grow, reach a wire "
+    "only if they fall, or are near and have no rule; its points by their distance from the wires; "
+    "and the rules it is held to. Line means the conductors of another line"
 )
 NO_PART_CAPTION = "These points are part of no object"
 ZONE_CAPTION = (
@@ -258,12 +260,12 @@ def _too_near(
     if not near:
         kinds = ", ".join(_unruled(coverage))
         unruled = f"; there is no rule for: {kinds}" if kinds else ""
-        return f"No object is nearer to the conductors than the rules allow{unruled}."
+        return f"No object is nearer to the conductors than is required{unruled}."
     words = [rules[one.rule].severity for one in near]
     counts = ", ".join(f"{words.count(word)} {word}" for word in BROKEN if word in words)
     worst = near[0]
     return (
-        f"{len(near)} objects are nearer to the conductors than the rules allow ({counts}). The "
+        f"{len(near)} objects are nearer to the conductors than is required ({counts}). The "
         f"worst is {worst.measure:.2f} m from a wire of span {line.span[worst.wire]} where "
         f"{rules[worst.rule].threshold:.2f} m are required: {worst.kind}."
     )
@@ -490,7 +492,7 @@ def _confirmed(rule: Rule) -> str | None:
         return None
     if not rule.confirmed:
         return "to be confirmed"
-    return "given by the user" if rule.given else "read in the source"
+    return "given for this report" if rule.given else "read in the source"
 
 
 def _wires_text(line: LineStates, conductor: Conductor | None) -> str:
@@ -606,10 +608,10 @@ def _map(
         own = np.flatnonzero((ends[:, 1] >= edges[k]) & (ends[:, 0] <= edges[k + 1]))
         if len(own):
             seen = [wires[wire] for wire in own]
-            svg = _sheet(across, line, rules, objects, seen, axes, edges[k], edges[k + 1])
-            sheet = f"; sheet {k + 1} of {count}, {way}" if count > 1 else ""
-            caption = f"Wires in plan, towers and objects with their numbers in the tables{sheet}"
-            figures.append(Figure(svg, caption))
+            svg, marked = _sheet(across, line, rules, objects, seen, axes, edges[k], edges[k + 1])
+            told = [f"Wires in plan, towers and objects; {_numbered(marked)}."]
+            told += [f"This is sheet {k + 1} of {count}, {way}."] if count > 1 else []
+            figures.append(Figure(svg, " ".join(told)))
     return figures
 
 
@@ -622,8 +624,8 @@ def _sheet(
     axes: _Axes,
     first: float,
     last: float,
-) -> bytes:
-    """Map of the line between two coordinates, with wires and spans, as SVG."""
+) -> tuple[bytes, int]:
+    """Map of the line between two coordinates, with wires and spans, as SVG; objects on it."""
     side = across.side
     seen = np.concatenate([xy for _, xy in wires])
     low, high = seen.min(axis=0) - PROFILE_BESIDE, seen.max(axis=0) + PROFILE_BESIDE
@@ -647,8 +649,9 @@ def _sheet(
             _draw_tower(drawing, tower, *place[:2])
     places = [across.surroundings.xyz[one.nearest, :2] for one in objects]
     spots = list(zip(range(1, len(objects) + 1), objects, places, strict=True))
-    _mark(drawing, rules, [s for s in spots if (s[2] >= low).all() and (s[2] <= high).all()])
-    return drawing.svg()
+    here = [s for s in spots if (s[2] >= low).all() and (s[2] <= high).all()]
+    _mark(drawing, rules, here)
+    return drawing.svg(), len(here)
 
 
 def _draw_tower(drawing: Drawing, number: int, x: float, y: float) -> None:
@@ -719,9 +722,19 @@ def _profile(
         for number, curves in enumerate(line.curves)
         for k in own
     ]
-    heights = np.concatenate([z, *(places[:, 2] for _, places in wires)])
-    low, high = heights.min() - 1.0, heights.max() + 1.0
-    first, last = np.array([-5.0, low]), np.array([axis.length + 5.0, high])
+    held = {*line.start[own].tolist(), *line.end[own].tolist()}
+    towers = {
+        tower: np.array([axis.along(place[None])[0][0], place[2]])
+        for tower, place in line.towers.items()
+        if tower in held
+    }
+    spots = _spots(across, line, objects, axis, span)
+    shown = [
+        np.column_stack([along, z]),
+        *(np.column_stack([axis.along(places)[0], places[:, 2]]) for _, places in wires),
+        *(place[None] for place in (*towers.values(), *(place for _, _, place in spots))),
+    ]
+    first, last = _window(np.concatenate(shown))
     labels = f"along the span [{axes.unit}]", f"height [{axes.unit}]"
     drawing = Drawing(first, last, PROFILE_SIZE, labels, metre=axes.metre)
     _draw_points(drawing, np.array([along, z]), kinds, 1.0)
@@ -731,28 +744,39 @@ def _profile(
             axis.along(places)[0], places[:, 2], WIRE_COLOUR, 1.0, WIRE_DASHES[min(number, 3)]
         )
     for number, state in enumerate(line.states):
-        drawing.key("curve", state.name, WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
-    for tower, place in line.towers.items():
-        if tower in {*line.start[own].tolist(), *line.end[own].tolist()}:
-            _draw_tower(drawing, tower, axis.along(place[None])[0][0], place[2])
-    spots = _spots(across, line, objects, axis, span)
+        drawing.key("curve", f"wires: {state.name}", WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
+    for tower, place in towers.items():
+        _draw_tower(drawing, tower, *place)
     for _, one, place in spots:
         foot = line.curves[one.state][one.wire].points(np.array([one.u]))
         x, y = np.array([place, (axis.along(foot)[0][0], foot[0, 2])]).T
         drawing.curve(x, y, SEVERITY_COLOURS[rules[one.rule].severity], 1.0)
     _mark(drawing, rules, spots)
-    worst = ""
     sure = [one for _, one, _ in spots if rules[one.rule].severity != UNSURE]
-    unsure = f" and {len(spots) - len(sure)} not sure" if len(sure) < len(spots) else ""
+    told = [f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(sure)} objects."]
     if sure:
-        urgent = sure[0]
-        worst = f"; the most urgent: {_urgency(urgent, rules[urgent.rule])}"
-    caption = (
-        f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(sure)} objects{unsure}{worst}. "
+        told.append(f"The most urgent: {_urgency(sure[0], rules[sure[0].rule])}.")
+    if len(sure) < len(spots):
+        told.append(f"Not sure whether of the line: {len(spots) - len(sure)}.")
+    told.append(
         f"Points up to {PROFILE_BESIDE:.0f} m to the side, darker the ground up to "
-        f"{RIGHT_BELOW:.0f} m from below a wire; numbers as in the tables."
+        f"{RIGHT_BELOW:.0f} m from below a wire; {_numbered(len(spots))}."
     )
-    return Figure(drawing.svg(), caption)
+    return Figure(drawing.svg(), " ".join(told))
+
+
+def _window(places: Floats) -> tuple[Floats, Floats]:
+    """The corners of a profile that shows positions along a span and heights, with room around."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    room = PROFILE_ROOM * (high - low)
+    return low - room, high + room
+
+
+def _numbered(count: int) -> str:
+    """Which of the objects in a picture have their numbers there."""
+    if count <= MOST_NUMBERS:
+        return "numbers as in the tables"
+    return f"numbers as in the tables, of the {MOST_NUMBERS} most urgent alone"
 
 
 def _urgency(one: Object, rule: Rule) -> str:

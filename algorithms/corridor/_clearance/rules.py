@@ -140,7 +140,7 @@ def has_annex(source: str) -> bool:
 
 def basis_of(name: str, voltage: float | None) -> str:
     """What the distances of a rule set of the toolbox are, in a sentence."""
-    at = "" if voltage is None else f" at {voltage:g} kV"
+    title = TITLES[name]
     if name == STUDY:
         return (
             f"Distances required: risk classes of a study, {TITLES[name]}; they are no regulation."
@@ -148,7 +148,9 @@ def basis_of(name: str, voltage: float | None) -> str:
     decides = "the regulation in force decides"
     if has_annex(TITLES[name]):
         decides = "the regulation in force and its national annex decide"
-    return f"Distances required: {TITLES[name]}{at}, as tabulated by this program; {decides}."
+    if voltage is not None:
+        title = f"{title} for a voltage of {voltage:g} kV"
+    return f"Distances required: {title}, as tabulated by this program; {decides}."
 
 
 def rule_set(name: str) -> Table:
@@ -158,10 +160,8 @@ def rule_set(name: str) -> Table:
 
 def single(distance: float) -> list[Rule]:
     """The rule that all objects must keep one distance, in metres."""
-    source, how = "given as the parameter distance", "critical"
-    return [
-        Rule("distance", source, "", "any", "3-D", distance, 0.0, how, confirmed=True, given=True)
-    ]
+    id, source, how = "given distance", "given for this report, in place of a rule set", "critical"
+    return [Rule(id, source, "", "any", "3-D", distance, 0.0, how, confirmed=True, given=True)]
 
 
 def rules_of(table: Table, voltage: float | None) -> list[Rule]:

@@ -65,6 +65,7 @@ WIRE_COLUMNS = (
     "sd_z0",
     "sd_sag",
 )
+SWING_SD = "sd_swing"  # a column that layers of before do not have, and that no curve needs
 TOWER_COLUMNS = (
     "tower_id",
     "kind",
@@ -95,7 +96,10 @@ def wire_layer(wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | N
     counts = conductor_counts(wires)
     rows = [wire_row(wire, origin, metre) | _counted(*counts[wire.span]) for wire in wires]
     lines = [shapely.LineString(vertices(wire.curve) * metre + origin) for wire in wires]
-    return _layer(rows, lines, WIRE_COLUMNS, crs, "LineString Z")
+    layer = _layer(rows, lines, WIRE_COLUMNS, crs, "LineString Z")
+    frame = layer.frame.copy()
+    frame.insert(WIRE_COLUMNS.index("swing") + 1, SWING_SD, swing_sigmas(layer))
+    return Vector(frame, geometry_type="LineString Z")
 
 
 def vertices(curve: Catenary) -> Floats:
@@ -196,14 +200,37 @@ def swing_sigmas(layer: Vector) -> Floats:
 
     A swing bows a wire in plan, so that its tangent is 2 c times the second coefficient of a
     parabola. The formula is that of such a coefficient for points that stand evenly on what was
-    seen of the wire. NaN where the swing is not known.
+    seen of the wire, times how far the wires of the span disagree. NaN where the swing is not
+    known.
     """
     frame = layer.frame
     noise = frame["rms"] / math.sqrt(2.0)  # of the two directions square to the wire, one
     reach = frame["seen_to"] - frame["seen_from"]
     bow = noise * np.sqrt(180.0 / frame["points"]) / reach**2
-    tangent = np.tan(np.radians(frame["swing"].to_numpy(float)))
-    return np.asarray(np.degrees(2 * bow / frame["curvature"] / (1 + tangent**2)), float)
+    swing = frame["swing"].to_numpy(float)
+    tangent = np.tan(np.radians(swing))
+    alone: Floats = np.asarray(np.degrees(2 * bow / frame["curvature"] / (1 + tangent**2)), float)
+    spans = frame["span_id"].to_numpy()
+    factors = {s: disagreement_of(swing[spans == s], alone[spans == s]) for s in np.unique(spans)}
+    return np.asarray(alone * np.array([factors[span] for span in spans], float), float)
+
+
+def disagreement_of(values: Floats, sigmas: Floats) -> float:
+    """How many times farther the values of wires are apart than their errors say, at least 1.
+
+    One wind swings all wires of a span, so their swings differ by their errors. This is the Birge
+    ratio, the root of chi-square over the degrees of freedom; values without an error are left out.
+
+    Parameters
+    ----------
+    values, sigmas : arrays of shape (m,), and their standard deviations, in the same unit
+    """
+    known = sigmas > 0  # not NaN
+    if known.sum() < 2:
+        return 1.0
+    values, weights = values[known], sigmas[known] ** -2.0
+    squares = weights * (values - np.average(values, weights=weights)) ** 2
+    return max(1.0, math.sqrt(squares.sum() / (len(values) - 1)))
 
 
 def tower_layer(

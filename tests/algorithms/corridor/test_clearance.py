@@ -48,6 +48,7 @@ from algorithms.corridor._clearance.surroundings import line_of, surroundings_of
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._extraction.layers import catenaries_of, swing_sigmas, wire_layer
 from algorithms.corridor._extraction.spans import Wire
+from toolbox import language
 from toolbox.data import PointCloud, Report, Rows, Survey, Table, Vector
 from toolbox.errors import DataError, ParameterError
 
@@ -171,7 +172,9 @@ def test_what_hangs_in_mid_air_on_a_wire_or_tower_is_not_sure_to_be_a_tree(
     assert listed["Objects, the most urgent first"][0].startswith("None")
     assert len(listed["Not sure: plants or parts of the line"][0].table) == 1
     assert (found["object_count"], found["critical_count"], found["unsure_count"]) == (0, 0, 1)
-    assert "0 objects and 1 not sure." in found["report"].html(), "below its profile"
+    assert "0 objects. Not sure whether of the line: 1." in found["report"].html(), (
+        "below its profile"
+    )
     assert set(found["violations"]["severity"]) == {5}
     assert found["spans"].frame["tree"].isna().all()
     assert f"{len(points)} points hang in mid-air" in caplog.text
@@ -250,11 +253,14 @@ def test_wires_of_a_span_that_disagree_make_its_swing_less_sure(other: float) ->
         seen = replace(curve, covariance=COVARIANCE)
         wires.append(Wire(seen, (-1, -1), (0.0, 90.0), 0.25, 1, n + 1, n + 1))
     found = wire_layer(wires, np.array([EAST, NORTH, 0.0]), 1.0, CRS.from_epsg(32635))
-    alone = swing_sigmas(found)
+    (alone,) = swing_sigmas(Vector(found.frame[:1]))
     points = cloud(flat(), 2)
     spans = toolbox.run("corridor.clearance", {"points": points, "wires": found})["spans"].frame
-    assert 1.5 < alone[0] < 1.6
-    sd = max(alone[0], abs(other + 14.5) / math.sqrt(2.0))
+    assert 1.5 < alone < 1.6
+    sd = max(alone, abs(other + 14.5) / math.sqrt(2.0))
+    assert found.frame["sd_swing"][0] == pytest.approx(sd, rel=0.05), (
+        "beside the swing that is told"
+    )
     told = [-14.5, sd] if sd < 2.0 else [math.nan, math.nan]
     columns = spans[["swing", "swing_sd"]].astype(float).iloc[0].tolist()
     assert columns == pytest.approx(told, rel=0.05, nan_ok=True)
@@ -287,9 +293,9 @@ def test_distances_to_be_confirmed_have_a_place_to_sign() -> None:
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
-        ({"distance": 5.0}, "given by the user"),
-        ({"distance": 5.0, "growth": 1.0}, "given by the user"),
-        ({"rule_table": Table(pd.DataFrame([{"confirmed": True}]))}, "given by the user"),
+        ({"distance": 5.0}, "given for this report"),
+        ({"distance": 5.0, "growth": 1.0}, "given for this report"),
+        ({"rule_table": Table(pd.DataFrame([{"confirmed": True}]))}, "given for this report"),
         ({"rule_table": Table(pd.DataFrame([{"confirmed": False}]))}, "to be confirmed"),
         ({"rules": "thesis"}, "read in the source"),
         ({"rules": "nerc_fac_003", "voltage": 345.0}, "to be confirmed"),
@@ -311,9 +317,7 @@ def test_that_nothing_is_too_near_is_said_with_the_kinds_that_have_no_rule() -> 
         ({"rule_table": Table(pd.DataFrame([row()]))}, "building, other, ground, water, rail, "),
     ):
         summary = run(points, falling=False, **settings)["report"].summary
-        wanted = (
-            "No object is nearer to the conductors than the rules allow; there is no rule for: "
-        )
+        wanted = "No object is nearer to the conductors than is required; there is no rule for: "
         assert summary.startswith(wanted + told)
 
 
@@ -323,15 +327,18 @@ def test_that_nothing_is_too_near_is_said_with_the_kinds_that_have_no_rule() -> 
         ({"rules": "thesis"}, "risk classes of a study, Muş (2019); they are no regulation"),
         (
             {"rules": "en_50341", "voltage": 22.0},
-            "EN 50341 and EN 50423 at 22 kV, as tabulated by this program; the regulation in force "
-            "and its national annex decide",
+            "EN 50341 and EN 50423 for a voltage of 22 kV, as tabulated by this program; the "
+            "regulation in force and its national annex decide",
         ),
         (
             {"rules": "nerc_fac_003", "voltage": 345.0},
-            "NERC FAC-003-4 at 345 kV, as tabulated by this program; the regulation in force "
-            "decides.",
+            "NERC FAC-003-4 for a voltage of 345 kV, as tabulated by this program; the regulation "
+            "in force decides.",
         ),
-        ({"distance": 5.0}, "5 m of all objects, as chosen for this run; it is no regulation"),
+        (
+            {"distance": 5.0},
+            "5 m from all objects, as given for this report; no rule set was applied",
+        ),
     ],
 )
 def test_the_summary_begins_with_the_finding_and_says_whose_rules_these_are(
@@ -339,7 +346,7 @@ def test_the_summary_begins_with_the_finding_and_says_whose_rules_these_are(
 ) -> None:
     points = cloud(blob(150, 0, float(LEVEL.height(np.array(150.0))) - 1.0), 5)
     summary = run(points, falling=False, **settings)["report"].summary
-    assert summary.startswith("1 objects are nearer to the conductors than the rules allow (1 crit")
+    assert summary.startswith("1 objects are nearer to the conductors than is required (1 crit")
     assert "The worst is 1.00 m from a wire of span 1 where " in summary
     assert told in summary
     assert "\n" not in summary
@@ -678,7 +685,7 @@ def test_objects_with_their_distance_rule_and_height() -> None:
     assert frame.clearance.to_list() == pytest.approx([3.0, 4.0], abs=0.01)
     tall = [float(LEVEL.height(np.array(80.0))), low - 4.0]
     assert frame.height.to_list() == pytest.approx(tall, abs=0.02)
-    assert frame.rule.to_list() == ["distance"] * 2
+    assert frame.rule.to_list() == ["given distance"] * 2
     assert frame.severity.to_list() == ["critical"] * 2
     assert frame.geometry.x.to_list() == pytest.approx([EAST + 80, EAST + 150], abs=0.01)
     assert result["least_clearance"] == pytest.approx(3.0, abs=0.01)
@@ -813,12 +820,12 @@ def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
     points = cloud([*tall, *ground], [5] * 15 + [2] * len(ground))
     result = run(points, distance=5.0)
     frame = result["objects"].frame
-    assert frame.rule.to_list() == ["distance", "falling"]
+    assert frame.rule.to_list() == ["given distance", "falling"]
     (rules,) = next(
         part.blocks for part in result["report"].sections if part.title == "Distances required"
     )
     told = rules.table.frame.set_index("rule").confirmed
-    assert told["distance"] == "given by the user"
+    assert told["given distance"] == "given for this report"
     assert pd.isna(told["falling"])
     low = LEVEL.height(np.array(150.0))
     assert frame.falls[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
@@ -866,7 +873,7 @@ def test_trees_that_will_grow_too_close_are_watched() -> None:
     low = float(LEVEL.height(np.array(150.0)))
     trees = [*blob(150, 0, low - 6.0), *blob(80, 0, low - 1.0), *blob(220, 0, low - 8.5)]
     frame = run(cloud(trees, 5), distance=5.0, growth=2.0)["objects"].frame
-    assert frame.rule.to_list() == ["distance", "distance+2m"]
+    assert frame.rule.to_list() == ["given distance", "given distance+2m"]
     assert frame.severity.to_list() == ["critical", "watch"]
     assert frame.clearance[1] == pytest.approx(6.0, abs=0.02)
     house = cloud(blob(150, 0, low - 6.0), 6)
@@ -1077,7 +1084,7 @@ def test_unclassified_objects_are_held_to_the_strictest_rule_and_to_those_that_m
         assert (one["kind"], one["severity"], one["rule"]) == ("unclassified", severity, told)
         kinds = found["report"].sections[0].blocks[0].table.frame.set_index("kind")
         assert kinds.rule["unclassified"].startswith(
-            "held to the strictest of fac-003-345; no rule if it is building or other"
+            "fac-003-345; no rule if it is building or other"
         )
     full = run(cloud(blob(150, 0, low - 2.0), 1), rules="en_50341", voltage=22.0, falling=False)
     kinds = full["report"].sections[0].blocks[0].table.frame.set_index("kind")
@@ -1309,7 +1316,7 @@ def test_a_top_is_of_the_object_that_is_no_farther_than_a_crown(aside: float, ob
     crown, top = blob(150, 4.0, low + 1.0), blob(150, 4.0 + aside, low + 6.0)
     points = cloud([*crown, *top, *ground], [5] * 10 + [2] * len(ground))
     frame = run(points, distance=5.0)["objects"].frame
-    assert frame.rule.to_list() == ["distance", "falling"][:objects]
+    assert frame.rule.to_list() == ["given distance", "falling"][:objects]
     assert frame.falls.to_numpy()[-1] == pytest.approx(-5.0, abs=0.5)
 
 
@@ -1370,8 +1377,8 @@ def test_the_page_shows_a_long_line_in_sheets_and_every_span() -> None:
     page = run(cloud(blob(3150, 0, 20), 5), *curves, distance=5.0)["report"]
     blocks = {section.title: section.blocks for section in page.sections}
     captions = [block.caption for block in blocks["Map with numbers"]]
-    assert [text[-31:] for text in captions] == [
-        f"sheet {k} of 5, from west to east"[-31:] for k in range(1, 6)
+    assert [text[-40:] for text in captions] == [
+        f"This is sheet {k} of 5, from west to east." for k in range(1, 6)
     ]
     assert len(blocks["Profiles"]) == 12
     assert blocks["Profiles"][0].caption.startswith(
@@ -1392,6 +1399,44 @@ def test_towers_have_the_same_numbers_on_map_profiles_and_in_tables() -> None:
     ]
     assert shown[0] == [{"tower 7"}, {"tower 9"}], "two sheets"
     assert shown[1] == [{"tower 7"}, {"tower 7", "tower 9"}, {"tower 9"}]
+
+
+def test_a_profile_shows_whole_what_stands_at_its_edge() -> None:
+    """Marks of towers and of objects were cut where they were beyond the ends of the wires."""
+    wires = layer(LEVEL)
+    wires = Vector(wires.frame.assign(from_tower=[7], to_tower=[9]))
+    high = float(LEVEL.points(np.array([0.0]))[0, 2]) + 2.0
+    points = cloud([*blob(-8, 0, high), *flat()], [5] * 5 + [2] * len(flat()))
+    found = toolbox.run("corridor.clearance", {"points": points, "wires": wires, "distance": 12.0})
+    (figure,) = next(s.blocks for s in found["report"].sections if s.title == "Profiles")
+    marks = re.findall(rb'class="mark" cx="([-\d.]+)" cy="([-\d.]+)" r="3"', figure.content)
+    assert len(marks) == 3, "two towers and an object"
+    assert all(4 < float(x) < 876 and 4 < float(y) < 346 for x, y in marks)
+
+
+def test_captions_and_the_basis_are_said_in_turkish() -> None:
+    """Parts of them stayed English where one of their values was empty."""
+    low = float(LEVEL.height(np.array(150.0)))
+    points = cloud(blob(150, 0, low - 1.0), 5)
+    report = run(points, rules="en_50341", voltage=22.0, falling=False)["report"]
+    blocks = {section.title: section.blocks for section in report.sections}
+    captions = [b.caption for b in (*blocks["Map with numbers"], *blocks["Profiles"])]
+    with language.speaking("tr"):
+        for text in (*captions, report.summary):
+            said = language.for_people(text)
+            assert not re.search(r"\b(and|the|at|for|of|objects|wires|Points|numbers)\b", said), (
+                said
+            )
+
+
+def test_counts_of_kinds_are_those_of_the_summary() -> None:
+    """Trees that will be too near when they have grown were counted as too close."""
+    low = float(LEVEL.height(np.array(150.0)))
+    points = cloud([*blob(150, 0, low - 1.0), *blob(100, 0, low - 6.0)], 5)
+    found = run(points, distance=5.0, growth=4.0, falling=False)
+    kinds = found["report"].sections[0].blocks[0].table.frame.set_index("kind")
+    assert kinds.loc["tree", ["too close", "watched"]].tolist() == [1, 1]
+    assert (found["critical_count"], found["watch_count"]) == (1, 1)
 
 
 def test_the_temperature_of_a_state_is_told_to_be_that_of_the_conductors() -> None:

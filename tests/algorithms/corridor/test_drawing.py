@@ -92,6 +92,30 @@ def test_texts_do_not_lie_on_each_other_and_stay_in_the_window() -> None:
     assert 0 < len(far) < len(places), "a line leads from a place to its text where that is far"
 
 
+@pytest.mark.parametrize("place", [(0.0, 100.0), (5.0, 110.0), (10.0, 120.0)])
+def test_a_text_without_room_is_left_out(place: tuple[float, float]) -> None:
+    """Where no place was free, numbers were laid on each other."""
+    made = drawing()
+    for number in range(101, 301):
+        made.text(*place, str(number))
+    found = list(boxes(made.svg()).values())
+    assert 20 < len(found) < 200
+    for one, other in itertools.combinations(found, 2):
+        across = max(one[0], other[0]) - min(one[2], other[2])
+        assert max(across, max(one[1], other[1]) - min(one[3], other[3])) > 3.8
+
+
+def test_a_number_stands_on_no_mark() -> None:
+    """Numbers of objects lay on the marks of others beside them."""
+    made = drawing()
+    for x, y in ((5.0, 110.0), (5.3, 111.6)):
+        made.mark(x, y, "#d40000")
+    made.text(5.0, 110.0, "1")
+    ((left, top, right, bottom),) = boxes(made.svg()).values()
+    for x, y in ((100, 50), (106, 42)):
+        assert right <= x - 3 or left >= x + 3 or bottom <= y - 3 or top >= y + 3
+
+
 def test_a_text_alone_stands_right_above_its_place() -> None:
     made = drawing()
     made.text(5.0, 110.0, "1")

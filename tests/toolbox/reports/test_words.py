@@ -24,6 +24,7 @@ from toolbox.reports import words
 from toolbox.reports.facts import chosen_settings, facts_of
 from toolbox.reports.page import page
 from toolbox.runs.lineage import record_of
+from toolbox.runs.provenance import Input
 
 CRS = parse_crs("EPSG:28992+5709")
 SECONDS = 1.0e9  # adjusted standard GPS time is less by so many
@@ -80,6 +81,24 @@ def test_rules_are_not_told_where_one_distance_stands_in_their_place() -> None:
     made = record_of(spec, {"voltage": 110.0, "distance": 5.0}, {}, Reading())
     assert "Rule set" not in chosen_settings(spec, made)
     assert "5 m" in chosen_settings(spec, made)
+
+
+def test_a_rule_set_that_was_not_used_is_said_so() -> None:
+    """Papers named the rule set of the defaults where a distance or a table took its place."""
+    spec = catalog.load("models.power_line_clearance")
+    values = {name: field.default for name, field in spec.inputs.items() if not field.required}
+    made = replace(record_of(spec, {}, {}, Reading()), parameters=values)
+    for record in (
+        replace(made, parameters=values | {"distance": 5.0}),
+        replace(made, inputs={"rule_table": (Input("own.csv", "a", 1),)}),
+    ):
+        sections = {section.title: section for section in page(spec, {}, record).sections}
+        (table,) = sections["Settings"].blocks
+        shown = table.table.frame.set_index("Setting")["Value"]
+        other = "Distance" if record.parameters["distance"] else "Own rules"
+        assert shown["Rule set"] == f"not used: {other} is given in its place"
+        (printed,) = sections["Settings"].printed
+        assert "Name in the program" not in printed.table.frame, "on paper"
 
 
 @pytest.mark.slow

@@ -45,6 +45,13 @@ def test_a_sheet_has_all_rows_with_headings_in_words(tmp_path: Path) -> None:
     assert book["Spans"]["B2"].number_format == "0.0"
 
 
+def test_names_of_sheets_are_whole_words(tmp_path: Path) -> None:
+    """They were cut within a word: "Not sure  plants or parts of th"."""
+    titles = "Not sure: plants or parts of the line", "Objects that lie near the wires of others"
+    book = opened(report(*titles, "Points: 2"), tmp_path)
+    assert book.sheetnames[1:] == ["Not sure", "Objects that lie near the wires", "Points  2"]
+
+
 def test_cells_speak_the_language_of_the_user_and_names_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -72,8 +72,8 @@ def _said(found: re.Match[str]) -> str:
 
 
 def _plain_words(text: Any) -> Any:
-    """The name of a measure without the marks that join its words in a file."""
-    return text.replace("_", " ") if isinstance(text, str) else text
+    """The name of a measure without the marks that join its words in a file, or its text."""
+    return language.text(text).replace("_", " ") if isinstance(text, str) else text
 
 
 @dataclass(frozen=True)

@@ -100,8 +100,10 @@ def _tables(report: Report) -> Iterator[tuple[str, Rows]]:
 
 
 def _name(title: str, taken: list[str]) -> str:
-    """A name for a sheet that no other has."""
-    name = _FORBIDDEN.sub(" ", title)[:_LONGEST_NAME]
+    """A name for a sheet that no other has; of a long title what stands before its colon."""
+    title = title if len(title) <= _LONGEST_NAME else title.partition(": ")[0]
+    words = _FORBIDDEN.sub(" ", title)
+    name = textwrap.wrap(words, _LONGEST_NAME)[0] if words.strip() else words
     number = 1
     while name.lower() in {other.lower() for other in taken}:
         number += 1

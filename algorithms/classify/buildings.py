@@ -105,14 +105,15 @@ class ClassifyBuildings:
     often show walls: take the `overhang` of the roofs off.
 
     Attributes of outlines: id, made of the whole easting and northing of a place within; area,
-    perimeter, number of points on planes of the roof; elevations of ground, of the eave of the main
-    roof, of the ridge and mean of all the roof, and height of the ridge above the ground, in the
-    unit of the data; form of the main roof (flat, monopitch, gable, hip, other); confidence, the
-    share of its points that lie on planes, less where ground is seen within; whether the walls
-    were squared; and sections, the parts of 10 m² or more into which steps of its surface divide
-    the roof. Houses that touch are one building, since points from above do not show the walls
-    between them: sections hint at it where their roofs differ in height. What the edge of the data
-    cuts has the attribute cut: all of its figures are those of the part that was seen.
+    perimeter, number of points on planes of the roof, to which those of the parts add up;
+    elevations of ground, of the eave of the main roof, of the ridge and mean of all the roof, and
+    height of the ridge above the ground, in the unit of the data; form of the main roof (flat,
+    monopitch, gable, hip, other); confidence, the share of its points that lie on planes, less
+    where ground is seen within; whether the walls were squared; and sections, the parts of 10 m² or
+    more into which steps of its surface divide the roof. Houses that touch are one building, since
+    points from above do not show the walls between them: sections hint at it where their roofs
+    differ in height. What the edge of the data cuts has the attribute cut: all of its figures are
+    those of the part that was seen.
 
     `parts` are the blocks of a city model: sections of 10 m² or more that lie beside each other and
     whose mean heights differ by 2 m or more, as a tower and a low wing. Straight walls part them,
@@ -356,7 +357,13 @@ class ClassifyBuildings:
                 row |= {"points": len(inside), **of_roof, "confidence": sure[done]}
                 found = self._parts(features, inside, drawn, lengths)
                 row |= {"squared": straight, "parts": len(found), "geometry": drawn}
-                own = [part_row(row, features, *part, lengths) for part in found]
+                held = np.bincount(
+                    nearest([part for part, _ in found], features.xyz[inside]), minlength=len(found)
+                )
+                own = [
+                    part_row(row, features, *part, lengths) | {"points": int(count)}
+                    for part, count in zip(found, held, strict=True)
+                ]
                 rows.append(row | highest(row, own))
                 parts += [part | {"building_height": rows[-1]["height"]} for part in own]
         outlined = [row["geometry"] for row in rows + parts]
@@ -605,9 +612,14 @@ def part_row(
     inside : its points on planes that are no walls
     """
     found = heights(features, inside, shape, lengths) if row["parts"] > 1 else dict(row)
-    made = {"id": name_of(shape), "building": row["id"], "area": shape.area, "points": len(inside)}
+    made = {"id": name_of(shape), "building": row["id"], "area": shape.area}
     height = found["ridge"] - row["ground"]
     return found | made | {"ground": row["ground"], "height": height, "geometry": shape}
+
+
+def nearest(shapes: list[Any], xyz: Floats) -> Ints:
+    """Number of the shape that holds each point, or is the nearest, array of shape (n,)."""
+    return np.asarray(shapely.STRtree(shapes).nearest(shapely.points(xyz[:, :2])), np.int64)
 
 
 def highest(row: dict[str, Any], parts: Rows) -> dict[str, float]:

@@ -68,13 +68,17 @@ OPENINGS = {
     "seen": Column("Points behind"),
     "edge_seen": Column("Edge seen", "%", 0, 100.0),
     "edge_interval": Column(
-        "Edges ± (95 %)", "unit", 2, meaning="Of the least sure of the sides that were seen"
+        "Edges ± (95 %)",
+        "unit",
+        2,
+        meaning="± (95 %) of the least sure of the sides that were seen",
     ),
     "unsure": Column(
         "Unsure sides", meaning="Sides that were seen, at which the points of the wall end unevenly"
     ),
     "hidden": Column(
-        "Sides not seen", meaning="They may be elsewhere, and count in no interval of the edges"
+        "Sides not seen",
+        meaning="Sides that were not seen: they may be elsewhere, and count in no interval",
     ),
     **{
         f"{side}_interval": Column("", "unit", meaning=f"Uncertainty of the {side} side (95 %)")

@@ -26,6 +26,7 @@ FEWEST_ROWS = 5
 ROWS = 0.5  # share of the rows beside an edge that reach it, if it is one of the wall
 SHARP = 0.6  # 95 % interval of an edge at which rows end evenly, over the distance of neighbours
 UNEVEN = 1.0  # distance of the ends of half of the rows from an edge that is unsure, over the same
+WIDER = 2.0  # of the interval of a side that is unsure, whose rows may all end too early
 AROUND = 2.0  # squares around a region within which the wall begins
 HOLE = 2.5  # radius of a hole of the wall over the distance of neighbours: 20 points are missing
 NEAR_EDGE = 5.0  # distance of an edge from that of its squares, over that of neighbours, at most
@@ -447,7 +448,9 @@ def _with_intervals(one: Opening, uv: Floats, front: Relief) -> Opening:
     """The opening with the 95 % intervals of its sides, and the names of those that are unsure.
 
     An edge is as sure as the points are near each other, where the rows of points on the wall end
-    at it evenly; else it may be as far away as the ends of half of the rows, or of the last ones.
+    at it evenly; else it may be twice as far away as the ends of half of the rows, or of the last
+    ones: of the unsure sides of real fronts, as measured and made worse, 71 of 100 were within
+    that distance, and 95 of 100 within its double.
     Rows that are not there end farther away than is looked at; if they are half of all, the side
     was not seen.
 
@@ -468,6 +471,7 @@ def _with_intervals(one: Opening, uv: Floats, front: Relief) -> Opening:
         off = max(off, abs(float(np.quantile(ends, EDGE)) - sign * box[side]))
         intervals[side] = SHARP * apart + off
         if off > UNEVEN * apart:
+            intervals[side] *= WIDER
             unsure.append(SIDES[side])
     names = ", ".join(side for side in SIDES if side in hidden)
     return one._replace(intervals=tuple(intervals), unsure=", ".join(unsure), hidden=names)

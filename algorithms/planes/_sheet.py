@@ -38,7 +38,6 @@ WIDEST = 45  # letters that fit into the title block for what a set says of itse
 ROW = 1.8  # heights of a text from one line of the title block to the next
 SMALL = 0.72  # height of levels over that of other texts: 1.8 mm, the least of ISO 3098, for 2.5
 MILLIMETRES = 1000.0  # in a metre
-CORNERS = {"left": (0, 3), "bottom": (0, 1), "right": (1, 2), "top": (2, 3)}  # of sides of a box
 
 
 class Sheet:
@@ -118,20 +117,13 @@ class Sheet:
                     self._add(name, piece)
 
     def _opening(self, one: Any) -> None:
-        """Draw an opening; unsure sides are broken lines, and all of one that is no rectangle."""
-        corners = np.array(one.geometry.exterior.coords)
-        hidden = unsure_sides(one)
-        self.starred |= bool(hidden)
-        if not hidden or len(corners) != 5:
-            layer = columns.DATA_EDGE if hidden else "openings"
-            self._add(layer, shapely.LineString(corners))
-            return
-        left, bottom, right, top = one.geometry.bounds
-        ring = [(left, bottom), (right, bottom), (right, top), (left, top)]
-        for layer, sides in (("openings", CORNERS.keys() - hidden), (columns.DATA_EDGE, hidden)):
-            drawn = shapely.MultiLineString(
-                [[ring[k] for k in CORNERS[side]] for side in sorted(sides)]
-            )
+        """Draw an opening; sides that are unsure or were not seen are broken lines."""
+        vague = unsure_sides(one)
+        self.starred |= bool(vague)
+        edges = edges_of(one.geometry)
+        broken = shapely.union_all([edges[side] for side in sorted(vague)])
+        sure = shapely.union_all(list(edges.values())) - broken
+        for layer, drawn in (("openings", sure), (columns.DATA_EDGE, broken)):
             for piece in _lines(drawn):
                 self._add(layer, piece)
 
@@ -306,6 +298,30 @@ def unsure_sides(opening: Any) -> set[str]:
     said = (getattr(opening, name, None) for name in ("unsure", "hidden"))
     sides = {side for text in said if isinstance(text, str) and text for side in text.split(", ")}
     return sides - ({"bottom"} if opening.kind == "door" else set())
+
+
+def edges_of(shape: Any) -> dict[str, Any]:
+    """The edges at each side of a polygon: those that face it, or end at it if none does.
+
+    Examples
+    --------
+    >>> slanted = shapely.Polygon([(0, 0), (3, 0), (3, 1), (0, 2)])
+    >>> {side: edges.length for side, edges in edges_of(slanted).items()}["left"]
+    2.0
+    """
+    ring = np.array(shapely.orient_polygons(shape).exterior.coords)
+    ends = np.stack([ring[:-1], ring[1:]], axis=1)
+    step = ends[:, 1] - ends[:, 0]
+    outwards = np.column_stack([step[:, 1], -step[:, 0]])
+    facing = np.abs(outwards).argmax(axis=1)
+    facing += 2 * (np.take_along_axis(outwards, facing[:, None], axis=1)[:, 0] > 0)
+    found = {}
+    for side, name in enumerate(columns.SIDES):
+        own = facing == side
+        if not own.any():
+            own = (ends[:, :, side % 2] == shape.bounds[side]).any(axis=1)
+        found[name] = shapely.multilinestrings(shapely.linestrings(ends[own]))
+    return found
 
 
 def _lines(shape: Any) -> list[Any]:

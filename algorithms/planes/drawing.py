@@ -52,9 +52,10 @@ class PlanesDrawing:
     metres or millimetres as asked. Parts of a front without points of its wall are crossed out on a
     layer of their own, `unseen`; `door?` stands in those that are as large as a door and as low. A
     star at the number of an opening tells that some of its sides are unsure, or were not seen and
-    may be elsewhere: they are broken lines on the layer `data_edge` (all sides of what is no
-    rectangle), and dimensions to them and their levels say "ca.". Broken is the outline along a
-    part that was not seen, too, where it is no edge of the wall, but of the data.
+    may be elsewhere: they are broken lines on the layer `data_edge`, of an opening that is no
+    rectangle the edges that face these sides, and dimensions to them and their levels say "ca.".
+    Broken is the outline along a part that was not seen, too, where it is no edge of the wall, but
+    of the data.
 
     Below each front stand, row by row, the widths of the openings and the piers between them, with
     the numbers of the openings at its left, and its whole length; to the left sills and heads of

@@ -42,7 +42,7 @@ def ignore() -> Any:
 def keep_classes() -> Any:
     """Declare the classes that a classifier leaves as they are: ``ClassList | None``."""
     return param(
-        "Classes that stay: of them, structures (13-17, 19, 26) and 9-11 in any case, "
+        "Classes that stay: structures (13-17, 19, 26) and 9-11 among them always, "
         "others unless ground",
         default=ClassList([*SURFACES, *STRUCTURES]),
         label="Classes that stay",

@@ -81,7 +81,10 @@ class SurfaceLandCover:
                 f"{row['name'].lower()} {row['area_m2']:.0f} m² ({100 * row['share']:.1f} %)"
                 for row in rows
             ]
-            return f"Of the area, as seen from above: {', '.join(parts)}."
+            return (
+                "Of the area by cells, as seen from above (crowns hide what is below them; "
+                f"outlines have other areas): {', '.join(parts)}."
+            )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points have classes, and the water has their CRS."""

@@ -183,6 +183,8 @@ def _measure(name: str, value: Any) -> str:
         return "IfcBoolean"
     if isinstance(value, str):
         return "IfcLabel"
+    if name.startswith("Area"):
+        return "IfcAreaMeasure"
     return "IfcReal" if name == "Certainty" else "IfcLengthMeasure"
 
 

@@ -18,6 +18,7 @@ from toolbox.data.report import Column, unit_text
 from toolbox.declare.fields import Spec
 from toolbox.reports import words
 
+_UNCLASSIFIED = {0, 1}  # of which alone, as of scans of a building, nothing is to be told
 _SHARE = {"Share": Column("Share", "%", 1, 100.0)}
 _OF_RASTERS = {
     "Rows": Column("Rows"),
@@ -161,6 +162,7 @@ def classes(spec: Spec, after: Mapping[str, Counter[int]], before: Counter[int])
         }
         for name, counts in after.items()
         for code in sorted({*counts, *(before if name in whole else ())})
+        if {*counts, *before} - _UNCLASSIFIED
     ]
     return (
         [Section("Points by class", [Rows(Table.from_rows(rows), columns=_SHARE)])] if rows else []
@@ -182,7 +184,7 @@ def given_up(before: Counter[int], after: Counter[int], became: Became) -> Itera
 def _gone(gone: Sequence[int], before: Counter[int], became: Became) -> str:
     told = []
     for code in gone:
-        now = [f"{class_name(k)} {n}" for k, n in became.get(code, Counter()).most_common()]
+        now = [f"{n} {class_name(k)}" for k, n in became.get(code, Counter()).most_common()]
         to = f", now {', '.join(now)}" if now else ""
         told.append(f"{code} ({class_name(code)}, points: {before[code]}{to})")
     return "; ".join(told)

@@ -180,7 +180,7 @@ def _drawings(entries: Sequence[Entry]) -> Iterator[str]:
         yield from _underlined("Drawings")
     for entry in drawings:
         unit = f"in {entry.unit}" if entry.unit else "of a unit that is not known"
-        text = f"{entry.file}: {unit}; layer, colour (its number in CAD) [features]"
+        text = f"{entry.file}: {unit}; layer, colour (its number in CAD) [entities]"
         yield language.told(text)
         layers = [
             (f"    {name}", f"{_colour(colour)} [{language.counted(count)}]")
@@ -240,7 +240,7 @@ def _how(spec: Spec) -> list[str]:
         "of its inputs and settings: within it, or in the file beside it with .json after its "
         "name. `python -m toolbox provenance FILE` shows it, `python -m toolbox replay FILE` makes "
         "the file again and says whether it is the same. Numbers in [brackets] count points, "
-        "features, rows, or cells with a value."
+        "features, rows, entities of a drawing, or cells with a value."
     )
     return _wrapped(text)
 

@@ -58,6 +58,7 @@ def the_parts(points: PointCloud, **settings: Any) -> tuple[Any, Vector]:
     assert shapely.area(shapes).sum() == pytest.approx(row.geometry.area, rel=1e-9)
     assert shapely.union_all(shapes).symmetric_difference(row.geometry).area < 1e-3
     assert (frame["ground"] == row.ground).all()
+    assert frame["points"].sum() == row.points
     return row, out.parts
 
 

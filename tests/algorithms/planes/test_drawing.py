@@ -15,7 +15,7 @@ from scenes.fronts import elevation
 
 from algorithms.planes._columns import SCHEDULE, SIDES
 from algorithms.planes._labels import box_of
-from algorithms.planes._sheet import rows_of
+from algorithms.planes._sheet import edges_of, rows_of
 from algorithms.planes.drawing import PlanesDrawing
 from toolbox import language
 from toolbox.data import Vector
@@ -336,11 +336,21 @@ def test_the_schedule_says_ca_to_people_and_numbers_to_programs() -> None:
 def test_an_opening_that_is_no_rectangle_is_broken_where_it_is_unsure() -> None:
     """Its outline was whole, though the title block and the report say unsure sides are broken."""
     frame = elevation().frame.assign(unsure=[None, "", "top", ""])
-    slanted = shapely.Polygon([(4, 1), (5.5, 1), (5.5, 2), (5, 2.5), (4, 2.5)])
+    slanted = shapely.Polygon([(4, 1), (5.5, 1), (5.5, 2.1), (5, 2.5), (4, 2.5)])
     frame.loc[2, "geometry"] = slanted
     drawn = PlanesDrawing(elevation=Vector(frame)).run().drawing.frame
     (broken,) = drawn.geometry[drawn["layer"] == "data_edge"]
-    assert broken.equals(slanted.exterior)
+    assert broken.equals(shapely.LineString([(5.5, 2.1), (5, 2.5), (4, 2.5)]))
+    sure = drawn.geometry[drawn["layer"] == "openings"]
+    assert len(sure) == len(frame) - 1, "each opening is there"
+    assert any(line.equals(slanted.exterior - broken) for line in sure)
+
+
+def test_a_side_that_no_edge_faces_is_broken_where_edges_end_at_it() -> None:
+    """The sharp end of a gable's window, which is the first that is lost."""
+    gable = edges_of(shapely.Polygon([(0, 0), (4, 0), (0, 1)]))
+    assert gable["right"].equals(shapely.MultiLineString([[(0, 0), (4, 0)], [(4, 0), (0, 1)]]))
+    assert gable["top"].equals(shapely.LineString([(4, 0), (0, 1)]))
 
 
 def test_what_was_not_seen_is_crossed_out() -> None:

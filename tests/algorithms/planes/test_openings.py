@@ -516,6 +516,37 @@ def test_real_shop_fronts(data: Callable[[str], Path], name: str) -> None:
     areas = shapely.area(labelled)[:, None] + shapely.area(shapes)[None] - shared
     right = int((shared / areas >= 0.5).any(axis=1).sum())
     assert 2 * right / (len(shapes) + len(labelled)) >= 0.85
+    assert np.mean(_in_intervals(out.elevation.frame, table)) >= 0.9, "half of unsure ones did not"
+
+
+def _in_intervals(elevation: Any, table: Floats) -> list[bool]:
+    """Whether the label of each side that was seen lies in its interval."""
+    wall = elevation[elevation["kind"] == "facade"].iloc[0]
+    corner, right, up = (
+        wall[[f"{name}_{axis}" for axis in "xyz"]].to_numpy(float)
+        for name in ("corner", "right", "up")
+    )
+    uv = (table[:, :3] - corner) @ np.column_stack([right, up])
+    labels = shapely.box(
+        *np.transpose(
+            [
+                (*part.min(axis=0), *part.max(axis=0))
+                for kind in (2, 3)
+                for number in np.unique(table[table[:, 4] == kind, 5])
+                for part in [uv[(table[:, 4] == kind) & (table[:, 5] == number)]]
+            ]
+        )
+    )
+    held = []
+    for one in elevation[elevation["opening_id"] > 0].to_dict("records"):
+        box = shapely.box(*one["geometry"].bounds)
+        shared = shapely.area(shapely.intersection(labels, box))
+        shares = shared / (shapely.area(labels) + box.area - shared)
+        if shares.max() >= 0.5:
+            off = np.abs(np.subtract(labels[shares.argmax()].bounds, box.bounds))
+            known = np.array([one[f"{side}_interval"] for side in SIDES])
+            held += (off <= known)[np.isfinite(known)].tolist()
+    return held
 
 
 def _along(xyz: Floats) -> Any:

@@ -150,6 +150,8 @@ def test_the_area_of_a_wall_that_was_not_seen_is_told(tmp_path: Path) -> None:
         for wall in model.by_type("IfcWall")
     }
     assert told == {"Front 1": 12.0, "Front 2": 0.0}
+    facts = [one for one in model.by_type("IfcPropertySingleValue") if one.Name == "AreaNotSeen"]
+    assert {one.NominalValue.is_a() for one in facts} == {"IfcAreaMeasure"}, "it was a length"
     assert len(model.by_type("IfcOpeningElement")) == 2
 
 

@@ -260,7 +260,7 @@ def test_warnings_are_sentences_that_begin_large() -> None:
     assert "<li>a.laz: 2 points</li>" in page
 
 
-def test_paper_turns_its_pages_once_and_has_maps_first() -> None:
+def test_paper_has_maps_first_and_how_it_was_made_last() -> None:
     wide = Rows(Table.from_rows([{f"c{k}": k * n for k in range(40)} for n in range(3)]))
     short = Rows(Table.from_rows([{"a": 1}]))
     long = Rows(Table.from_rows([{"a": n} for n in range(40)]))
@@ -269,7 +269,7 @@ def test_paper_turns_its_pages_once_and_has_maps_first() -> None:
     given = {"Wide": wide, "Long": long, "Short": short, "Words": "Words.", "Map": plot}
     sections = [made, *(Section(name, [block]) for name, block in given.items())]
     found = [section.title for section in in_order_of_paper(sections)]
-    assert found == ["Map", "Short", "Words", "Long", "Made", "Wide"]
+    assert found == ["Map", "Short", "Words", "Wide", "Long", "Made"]
     text = render(Report("R", sections), on_paper=True)
     assert text.index(">Short<") < text.index(">Wide<")
     text = render(Report("R", sections))

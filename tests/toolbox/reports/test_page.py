@@ -82,6 +82,14 @@ def test_points_of_each_class_are_counted_before_and_after() -> None:
     ]
 
 
+def test_points_that_nobody_classified_are_in_no_table_of_classes() -> None:
+    """The report on a façade said that 54864 points before and after were never classified."""
+    scan = PointCloud(np.zeros((4, 3)), {"classification": np.zeros(4, np.uint8)}, crs=None)
+    spec = catalog.load("ground.classify")
+    report = page(spec, {"classified": scan}, None, Told(given={"points": scan}))
+    assert "Points by class" not in [part.title for part in report.sections]
+
+
 def test_classes_that_are_given_up_are_told_with_what_became_of_their_points() -> None:
     """Bridges of class 26 became ground, and only the console said a word."""
     xyz = np.arange(15.0).reshape(5, 3)
@@ -92,7 +100,7 @@ def test_classes_that_are_given_up_are_told_with_what_became_of_their_points() -
         "Classes of the input that no point has any more: "
         "26 (Bridges and quays in Dutch surveys, points: 3"
     )
-    for given, told in ((before, ", now Ground 2, High vegetation 1)."), (after, None)):
+    for given, told in ((before, ", now 2 Ground, 1 High vegetation)."), (after, None)):
         _, head = said(spec, {"classified": after}, None, Told(given={"points": given}))
         assert list(head.unseen) == ([gone + told] if told else [])
     tiles = {"points": Counter({1: 1, 26: 3, 6: 1}), "classified": Counter({1: 1, 2: 3, 6: 1})}

@@ -112,7 +112,7 @@ def test_the_set_is_written_and_named_in_words(model: str, points: Path, tmp_pat
     assert "Hill of Delft" in (tmp_path / "out" / "report.html").read_text()
     assert "\nlines.gpkg, contours\n    elevation  Elevation [m]\n" in text
     drawing = text.partition("\nDrawings\n")[2].partition("\nColumns\n")[0]
-    assert "lines.dxf: in metres; layer, colour (its number in CAD) [features]" in drawing
+    assert "lines.dxf: in metres; layer, colour (its number in CAD) [entities]" in drawing
     assert (
         "    contours        dark orange (34) [6]\n    contours_index  brown (22) [1]\n" in drawing
     )

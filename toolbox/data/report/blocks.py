@@ -376,10 +376,10 @@ class Section:
 
 
 def in_order_of_paper(sections: Sequence[Section]) -> list[Section]:
-    """Sections as a print has them: maps and views, texts and short tables, then long tables.
+    """Sections as a print has them: maps and views, texts and short tables, then wide tables.
 
-    Within each of these they keep their order. Wide tables come last, so that pages are turned
-    once.
+    Then come long tables, and last how all was made. Within each of these they keep their order, so
+    that pages are turned once and back.
 
     Examples
     --------
@@ -396,11 +396,11 @@ def _place(section: Section) -> int:
     tables = [block for block in blocks if isinstance(block, Rows)]
     if any(isinstance(block, Plot) for block in blocks):
         return 0
-    if any(table.is_across(paper=True) for table in tables):
-        return 4
     if section.folded:  # how all was made
-        return 3
-    return 1 if all(table.is_short for table in tables) else 2
+        return 4
+    if any(table.is_across(paper=True) for table in tables):
+        return 2
+    return 1 if all(table.is_short for table in tables) else 3
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,15 @@ from pyproj import CRS
 
 from algorithms.shared.kernels.sorting import grouped
 from algorithms.shared.kernels.squares import (
+    box,
     ends,
     held,
     layers_above,
     near_bottom,
     numbered,
+    rises,
     tops,
+    tops_between,
 )
 from toolbox.context import log
 from toolbox.data.crs import horizontal_crs, length_problem
@@ -95,13 +98,8 @@ def height_problem(xyz: Floats, metre: float) -> str | None:
 
 def _typical_slope(places: Ints, cols: int, low: Floats) -> float:
     """Median rise of cells to those east and north of them together; 0 without such neighbours."""
-    rises, there = [], np.ones(len(places), bool)
-    for away in (1, cols):
-        beside = np.minimum(np.searchsorted(places, places + away), len(places) - 1)
-        there &= places[beside] == places + away
-        rises.append(low[beside] - low)
-    rise = np.hypot(*rises)[there]
-    return float(np.median(rise)) if len(rise) else 0.0
+    east, north = rises(places, cols, low)
+    return float(np.median(np.hypot(east, north))) if len(east) else 0.0
 
 
 def _inner_spreads(cells: Ints, z: Floats) -> Floats:
@@ -357,17 +355,27 @@ def spacing_and_rise(xyz: Floats, ground: Mask, metre: float) -> tuple[float, fl
     >>> [round(value, 1) for value in spacing_and_rise(xyz, np.ones(1600, bool), 1.0)]
     [1.0, 0.5]
     """
-    count = np.count_nonzero(ground)
-    spacing = math.sqrt(float(np.ptp(xyz[:, 0]) * np.ptp(xyz[:, 1])) / count)
+    count, (west, south, east, north) = np.count_nonzero(ground), box(xyz)
+    spacing = math.sqrt((east - west) * (north - south) / count)
     for _ in range(2):  # once more, as the box of all points may be mostly empty
         cell = 2 * spacing
-        cells, cols = _cells(xyz, cell)
-        places, number = _counted_through(cells)
-        counts, top = tops(number, ground, xyz, len(places))
-        held = counts > 0
-        spacing = cell * math.sqrt(np.count_nonzero(held) / count)
-    slope = _typical_slope(places[held], cols, top[held]) / cell
+        places, cols, top = _ground_tops(xyz, ground, (west, south, east, north), cell)
+        spacing = cell * math.sqrt(len(places) / count)
+    slope = _typical_slope(places, cols, top) / cell
     return spacing / metre, slope * spacing / metre
+
+
+def _ground_tops(
+    xyz: Floats, ground: Mask, corners: tuple[float, ...], cell: float
+) -> tuple[Ints, int, Floats]:
+    """The cells with ground, in order, how far rows are apart, and the highest ground of each."""
+    raster = tops_between(corners, ground, xyz, cell, max(FEW_CELLS, 2 * len(xyz)))
+    if raster.size:
+        places = np.flatnonzero(np.isfinite(raster))
+        return places, raster.shape[1], raster.ravel()[places]
+    cells, cols = _cells(xyz[ground], cell)  # stray points stretch the box
+    places, number = grouped(cells)
+    return places, cols, ends(number, xyz[ground], len(places))[1]
 
 
 def two_surfaces(

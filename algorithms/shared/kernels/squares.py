@@ -61,6 +61,55 @@ def tops(squares, chosen, xyz, size):
 
 
 @kernel
+def box(xyz):
+    """West, south, east and north end of the points, an order faster than axis by axis."""
+    west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(len(xyz)):
+        west, east = min(west, xyz[i, 0]), max(east, xyz[i, 0])
+        south, north = min(south, xyz[i, 1]), max(north, xyz[i, 1])
+    return west, south, east, north
+
+
+@kernel
+def tops_between(ends, chosen, xyz, size, most):
+    """Highest of the chosen points of each square, row by row from the south; NaN without any.
+
+    A row ends in an empty square. `ends` are the west, south, east and north end of all points.
+    Nothing where this takes more than `most` squares.
+    """
+    first, bottom = _whole(ends[0], size), _whole(ends[1], size)
+    rows, cols = _whole(ends[3], size) - bottom + 1, _whole(ends[2], size) - first + 2
+    if rows * cols > most:
+        return np.empty((0, 0))
+    top = np.full((rows, cols), np.nan)
+    for i in range(len(xyz)):
+        if chosen[i]:
+            row, col = _whole(xyz[i, 1], size) - bottom, _whole(xyz[i, 0], size) - first
+            if not top[row, col] >= xyz[i, 2]:  # which is also false for NaN
+                top[row, col] = xyz[i, 2]
+    return top
+
+
+@kernel
+def rises(places, cols, heights):
+    """Rises of squares to those east and north of them, shape (2, n), where there are both.
+
+    `places` are the numbers of squares in order, of which rows have `cols`.
+    """
+    found, count, north = np.empty((2, len(places))), 0, 0
+    for i in range(len(places) - 1):
+        while north < len(places) and places[north] < places[i] + cols:
+            north += 1
+        if north == len(places):
+            break
+        if places[i + 1] == places[i] + 1 and places[north] == places[i] + cols:
+            found[0, count] = heights[i + 1] - heights[i]
+            found[1, count] = heights[north] - heights[i]
+            count += 1
+    return found[:, :count]
+
+
+@kernel
 def layers_above(squares, xyz, top, metre, clear, thick):
     """Squares of the points that are `clear` metres above the top of theirs, and their layers."""
     above, layers, count = np.empty_like(squares), np.empty_like(squares), 0

@@ -15,12 +15,13 @@ from scenes.towns import plane, town
 
 from algorithms.points.info import PointsInfo
 from algorithms.shared import plausible
-from algorithms.shared.kernels.squares import ends
+from algorithms.shared.kernels.squares import box, ends, tops_between
 from algorithms.shared.plausible import (
     height_problem,
     hidden_share,
     is_upright,
     second_layer,
+    spacing_and_rise,
     sparse_ground,
     squares_of,
     tell_of_ground,
@@ -287,6 +288,18 @@ def test_ground_that_rises_by_more_than_half_a_metre_from_point_to_point_is_told
     assert (problem is not None) == told
     far = np.vstack([xyz, xyz[0] + np.array([4000.0, 3000.0, 0.0])])
     assert (sparse_ground(far * metre, np.append(ground, True), metre) is not None) == told
+
+
+def test_how_sparse_ground_is_does_not_depend_on_how_cells_are_numbered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As a raster, or one by one where a stray point makes it too large."""
+    xyz = np.vstack([plane(200.0, 4.0, jitter=1.0, tilt=0.1), [[9e4, 9e4, 0.0]]])
+    ground = np.random.default_rng(6).random(len(xyz)) < 0.8
+    as_raster = spacing_and_rise(xyz, ground, 1.0)
+    monkeypatch.setattr(plausible, "FEW_CELLS", 0)
+    assert not tops_between(box(xyz), ground, xyz, 2 * as_raster[0], 2 * len(xyz)).size
+    assert spacing_and_rise(xyz, ground, 1.0) == as_raster
 
 
 def test_only_ground_counts_where_points_are_sparse() -> None:

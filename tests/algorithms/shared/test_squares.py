@@ -6,11 +6,14 @@ import numpy as np
 
 from algorithms.shared.kernels.squares import (
     add_slices,
+    box,
     held,
     near_bottom,
     numbered,
+    rises,
     shared_by_two,
     slice_ends,
+    tops_between,
 )
 
 
@@ -53,3 +56,24 @@ def test_slices_of_a_square_begin_with_an_empty_one() -> None:
     squares = np.array([0, 0, 1, 1, 2])
     add_slices(squares, xyz, 0.5, 0.0, 2.0, 5)
     assert squares.tolist() == [1, 1, 7, 8, 13]
+
+
+def test_tops_are_those_of_the_chosen_points_and_rises_those_to_east_and_north() -> None:
+    rng = np.random.default_rng(4)
+    xyz, chosen = rng.uniform([-95, 40, -5], [130, 77, 5], (400, 3)), rng.random(400) < 0.7
+    ends = box(xyz)
+    assert ends == (*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0))
+    col, row = np.floor(xyz[:, :2] / 4.0).astype(int).T
+    col, row = col - col.min(), row - row.min()
+    wanted = np.full((row.max() + 1, col.max() + 2), np.nan)
+    for i in np.flatnonzero(chosen):
+        wanted[row[i], col[i]] = np.fmax(wanted[row[i], col[i]], xyz[i, 2])
+    top = tops_between(ends, chosen, xyz, 4.0, wanted.size)
+    np.testing.assert_array_equal(top, wanted)
+    assert tops_between(ends, chosen, xyz, 4.0, wanted.size - 1).size == 0
+    places = np.flatnonzero(np.isfinite(wanted))
+    east, north = np.diff(wanted, axis=1)[:-1], np.diff(wanted, axis=0)[:, :-1]
+    both = np.isfinite(east + north)
+    assert 20 < np.count_nonzero(both) < 0.8 * len(places)
+    found = rises(places, wanted.shape[1], wanted.ravel()[places])
+    np.testing.assert_array_equal(found, [east[both], north[both]])

@@ -52,6 +52,7 @@ from toolbox.errors import DataError
 CELL = 1.0  # metres, of the raster of lowest points; all kernels assume it
 LEVELS = 4  # resolutions at which a cell looks around: to 8 m at 1 m, ..., to 64 m at 8 m
 LOOK = 8  # cells, at each of them
+ALL_SECTORS = np.uint8(255)  # a bit for each of eight
 STEP_REACH, STEP_SLOPE = 3, 0.8  # metres; what is steeper is a step
 STEP, STEP_SHARE = 0.3, 0.2  # metres, and of the whole fall: how much of it must be in one step
 FALL = 0.2  # metres below which the terrain must be, beyond what the slope explains
@@ -312,17 +313,35 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     bend = np.clip((relief - FLAT) / (STEEP - FLAT), 0, 1)
     share = SHARE_FLAT + (SHARE_STEEP - SHARE_FLAT) * bend
     slope = np.minimum(SLOPE + SLOPE_GAIN * slope, 1.0)
-    level, hillside = without_trend(z, coarse)
-    ground = has
-    for k in range(2):
-        part = ctx.part(0.45 + 0.25 * k, 0.7 + 0.25 * k)
-        votes = raised_share(z, ground, slope, thin, step, part.part(0, 0.4))
-        if hillside.any():
-            sides = raised_share(level, ground, slope, thin, step, part.part(0.4, 0.8))
-            votes = np.where(hillside, np.maximum(votes, sides), votes)
-        ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < share)
+    ground = _looked_twice(z, coarse, slope, share, thin, step, ctx.part(0.45, 0.95))
     ground &= ~raised_sections(z)
     ctx.progress(1.0)
+    return ground
+
+
+def _looked_twice(
+    z: Cells,
+    surface: Floats,
+    slope: Cells,
+    share: Floats,
+    thin: NDArray[np.bool_],
+    step: Cells,
+    ctx: Context,
+) -> NDArray[np.bool_]:
+    """True for cells that fall off in less than a share of the sectors, in the second of two looks.
+
+    `surface` is the coarse one; for the others see :func:`raised_share`.
+    """
+    has, asked = np.isfinite(z), np.full((2, *z.shape), ALL_SECTORS)
+    level, hillside = without_trend(z, surface)
+    ground = has
+    for k in range(2):
+        part = ctx.part(0.5 * k, 0.5 + 0.5 * k)
+        votes = raised_share(z, ground, slope, thin, step, part.part(0, 0.4), asked[0])
+        if hillside.any():
+            sides = raised_share(level, ground, slope, thin, step, part.part(0.4, 0.8), asked[1])
+            votes = np.where(hillside, np.maximum(votes, sides), votes)
+        ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < share)
     return ground
 
 
@@ -439,11 +458,16 @@ def raised_share(
     thin: NDArray[np.bool_],
     step: Cells,
     ctx: Context,
+    asked: NDArray[np.uint8] | None = None,
 ) -> Cells:
     """Share of the eight sectors in which each cell drops abruptly to cells of `ground`.
 
-    `thin` and `step` are those of :func:`steps_below`.
+    `thin` and `step` are those of :func:`steps_below`. `asked`, of shape (rows, cols), are bits of
+    the sectors in which there may be a fall, all by default. It receives those in which there is
+    one: where part of the ground is taken out there is none elsewhere, as long as nothing else
+    changes.
     """
+    asked = np.full(z.shape, ALL_SECTORS) if asked is None else asked
     low = np.where(ground, z, np.float32(np.inf))
     lows = []
     for _ in range(LEVELS):
@@ -463,6 +487,7 @@ def raised_share(
         FALL,
         STEP,
         STEP_SHARE,
+        asked,
         share,
         ctx=ctx,
     )

@@ -54,16 +54,15 @@ def _sector_minima(low, row, look, offsets, stop, minima):
 
 
 @helper
-def _falls(r, c, highest, slope, lows, minima, look, offsets, starts, away, nearest, limit, way):
-    """Bits of the 8 sectors around a cell with data, and of those with a cell below `highest`.
+def _falls(r, c, slope, lows, minima, look, offsets, starts, away, nearest, limit, way):
+    """Bits of the 8 sectors around a cell with data, and of those with a cell below their limit.
 
     Of each such sector `way` receives where the cell is whose cone with `slope` is lowest here, in
     rows and columns, and its height. `lows` have a margin of `look` cells, `minima` are those of
-    the sectors by level; for the others see :func:`algorithms.shared.terrain.sectors`. `limit` is
-    scratch for 8 heights.
+    the sectors by level; for the others see :func:`algorithms.shared.terrain.sectors`. `limit`, of
+    8 heights, is used up.
     """
     seen = falls = 0
-    limit[:] = highest
     for level in range(len(lows) - 1, -1, -1):
         low, size = lows[level], 1 << level
         i, j = (r >> level) + look, (c >> level) + look
@@ -118,13 +117,15 @@ def raised(
     fall,
     least,
     share,
+    asked,
     out,
 ):
     """Share of the sectors with data in which the terrain falls off abruptly from each cell.
 
     At least half the sectors are counted as having data. `step` has the steps that count for cells
     that are not `thin`, and for those that are. `least` and `share` (of the whole way
-    down) say how much of the fall must be in one step; for the others see `_falls`.
+    down) say how much of the fall must be in one step. `asked` are the bits of the sectors in which
+    there may be a fall, and receives those in which there is one; for the others see `_falls`.
     """
     way, limit = np.empty((8, 3)), np.empty(8)
     minima = np.empty((len(lows), 8, z.shape[1]), np.float32)
@@ -136,12 +137,14 @@ def raised(
                 )
         for c in range(z.shape[1]):
             out[r, c] = 0.0
-            if math.isnan(z[r, c]):
+            if math.isnan(z[r, c]) or not asked[r, c]:
                 continue
-            highest, steep = z[r, c] - fall, slope[r, c]
+            for k in range(8):
+                limit[k] = z[r, c] - fall if (asked[r, c] >> k) & 1 else -np.inf
             seen, falls = _falls(  # arguments in a tuple would take a fifth of the time
-                r, c, highest, steep, lows, minima, look, offsets, starts, away, nearest, limit, way
+                r, c, slope[r, c], lows, minima, look, offsets, starts, away, nearest, limit, way
             )
+            asked[r, c] = falls
             count, votes = 0, 0
             for k in range(8):
                 count += (seen >> k) & 1

@@ -504,6 +504,23 @@ def test_raised_is_what_falls_off_in_all_directions(steepness: float) -> None:
     assert len(np.unique(got)) > 8
 
 
+def test_sectors_without_a_fall_are_not_asked_again_when_ground_is_taken_out() -> None:
+    z, rng = rough(48, 64), np.random.default_rng(7)
+    ground = np.isfinite(z) & (rng.random(z.shape) < 0.8)
+    slope = np.full(z.shape, 0.2, np.float32)
+    asked = np.full(z.shape, finding.ALL_SECTORS)
+    settings = slope, *finding.steps_below(z, QUIET), QUIET
+    finding.raised_share(z, ground, *settings, asked)
+    bits = np.bitwise_count(asked[np.isfinite(z)])
+    assert 0.2 < bits.mean() / 8 < 0.8
+    less = ground & (rng.random(z.shape) < 0.5)
+    expected, before = finding.raised_share(z, less, *settings), asked.copy()
+    np.testing.assert_array_equal(finding.raised_share(z, less, *settings, asked), expected)
+    assert not (asked & ~before).any()
+    assert (asked != before).any()
+    assert not finding.raised_share(z, less, *settings, np.zeros_like(asked)).any()
+
+
 def test_a_cell_looks_into_eight_sectors_without_gaps() -> None:
     """Fine cells near by, coarser ones where those end; a quarter turn is two sectors."""
     offsets, starts, far, nearest = finding.sectors()

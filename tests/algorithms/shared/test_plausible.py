@@ -294,7 +294,8 @@ def test_how_sparse_ground_is_does_not_depend_on_how_cells_are_numbered(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As a raster, or one by one where a stray point makes it too large."""
-    xyz = np.vstack([plane(200.0, 4.0, jitter=1.0, tilt=0.1), [[9e4, 9e4, 0.0]]])
+    xyz = plane(200.0, 4.0, jitter=1.0, tilt=0.1)
+    xyz = np.vstack([xyz, xyz[0] + np.array([4000.0, 3000.0, 0.0])])
     ground = np.random.default_rng(6).random(len(xyz)) < 0.8
     as_raster = spacing_and_rise(xyz, ground, 1.0)
     monkeypatch.setattr(plausible, "FEW_CELLS", 0)

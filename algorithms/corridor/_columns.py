@@ -209,6 +209,7 @@ WIRES = {
     "z_start": Column("Elevation at the start", "m", 2),
     "z_end": Column("Elevation at the end", "m", 2),
     "sd_sag": Column("Standard deviation of the sag", "m", 3, never_zero=True),
+    "drop": Column("Service drop", meaning="1 if it leads from a pole to a house, else 0"),
 }
 
 TOWERS = {

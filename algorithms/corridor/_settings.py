@@ -405,6 +405,16 @@ class Continued:
 
 
 @dataclass(frozen=True)
+class Drops:
+    """Service drops, single wires from a pole to a house."""
+
+    longest: float = built(40.0, "m", "of a drop; longer ones need a pole of their own")
+    company: int = tried(
+        6, "points", "on no wire within 2 m of one of a drop; of roofs and crowns there are more"
+    )
+
+
+@dataclass(frozen=True)
 class Supports:
     """Where supports stand."""
 
@@ -517,6 +527,7 @@ class Settings:
     arcs: Arcs = Arcs()
     spans: Spans = Spans()
     continued: Continued = Continued()
+    drops: Drops = Drops()
     supports: Supports = Supports()
     towers: Towers = Towers()
     lines: Lines = Lines()

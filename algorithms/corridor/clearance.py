@@ -91,7 +91,7 @@ from algorithms.corridor._clearance.surroundings import (
 from algorithms.corridor._clearance.weather import place_of, sun_on, time_of
 from algorithms.corridor._curves.catenary_kernels import MOST_CURVATURE
 from algorithms.corridor._extraction.labels import LINE_CLASSES
-from algorithms.corridor._extraction.layers import COVARIANCES, missing_columns
+from algorithms.corridor._extraction.layers import COVARIANCES, DROP, missing_columns
 from algorithms.shared import parameters
 from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context, log
@@ -498,7 +498,7 @@ class CorridorClearance:
 
     def run(self, ctx: Context = QUIET) -> CorridorClearance.Outputs:
         """Measure the clearances, group the violations into objects, and report."""
-        metric = self._in_metres()
+        metric = self._without_drops()._in_metres()
         rules, conductor = metric._rules(), metric._conductor()
         self._warn_of_study()
         if doubtful := doubt(rules):
@@ -537,7 +537,7 @@ class CorridorClearance:
             metric.point_sd,
             band,
             zones,
-            columns_of(self.wires, like),
+            columns_of(metric.wires, like),
         )
         lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
         objects = [*objects, *hanging]
@@ -546,7 +546,7 @@ class CorridorClearance:
         layer, unsure = apart(
             object_layer(cloud, surroundings, line, rules, objects, clumps, like, there)
         )
-        missing = section(texts_of(self.wires, like))
+        missing = section(texts_of(metric.wires, like))
         page = report_of(
             surroundings,
             line,
@@ -674,6 +674,18 @@ class CorridorClearance:
     def _grouped(self) -> Grouped:
         """How points are grouped into objects."""
         return {"gap": self.object_gap, "fewest": self.min_points}
+
+    def _without_drops(self) -> CorridorClearance:
+        """A copy of this tool without the service drops, of which it is told."""
+        frame = self.wires.frame
+        if DROP not in frame or not (drop := frame[DROP] == 1).any():
+            return self
+        log.warning(
+            "service drops: nothing was measured from span %s; they end at houses, and the "
+            "distances of the line may not hold for them",
+            ", ".join(frame.loc[drop, "span_id"].astype(str)),
+        )
+        return replace(self, wires=Vector(frame[~drop], name=self.wires.name))
 
     def _in_metres(self) -> CorridorClearance:
         """A copy of this tool whose lengths are in metres, not in the unit of the data."""

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from algorithms.corridor import _columns as columns
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
+from algorithms.corridor._extraction.drops import with_drops
 from algorithms.corridor._extraction.errors import with_common_errors
 from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.ground import elevation
@@ -210,6 +211,7 @@ def finished(
     if not wires:
         return line
     wires, towers, strings = dressed(corridor, wires, supports)
+    wires = with_drops(corridor, wires, supports)
     wires = with_common_errors(corridor, wires, points.strip)
     line = replace(line, wires=with_gaps(corridor, wires), towers=towers, strings=strings)
     label_points(line, corridor, points.own)

@@ -29,7 +29,11 @@ EXPONENTS = np.linspace(0.05, 0.95, 19)  # of Chernoff's bound, of which the bes
 
 
 def chance(
-    corridor: Corridor, curve: Catenary, tolerance: float, taken: NDArray[np.bool_]
+    corridor: Corridor,
+    curve: Catenary,
+    tolerance: float,
+    taken: NDArray[np.bool_],
+    step: float | None = None,
 ) -> float:
     """Logarithm of the probability, at most, that chance fills a curve with points as it is filled.
 
@@ -42,7 +46,7 @@ def chance(
     tolerance : from the curve within which points are on it, metres
     taken : which points above the ground are on wires, and so are not around others
     """
-    on_it, beside = by_step(corridor, curve, taken, SETTINGS.points.company_side, tolerance)
+    on_it, beside = by_step(corridor, curve, taken, step or SETTINGS.points.company_side, tolerance)
     own, around = tolerance**2, SETTINGS.curves.clutter_radius**2
     near = np.convolve(beside, np.ones(3), "full")[1:-1] / 3
     usual = np.maximum(near, SETTINGS.arcs.least_usual) * own / (around - own)

@@ -21,6 +21,8 @@ from toolbox.data import Vector
 
 CHORD_ERROR = 0.005  # metres that a drawn line may be off the curve
 
+DROP = "drop"  # column of the service drops
+
 Floats = NDArray[np.float64]
 COVARIANCES = {
     "var_start": (0, 0),
@@ -64,6 +66,7 @@ WIRE_COLUMNS = (
     "sd_u0",
     "sd_z0",
     "sd_sag",
+    DROP,
 )
 SWING_SD = "sd_swing"  # a column that layers of before do not have, and that no curve needs
 TOWER_COLUMNS = (
@@ -142,6 +145,7 @@ def wire_row(wire: Wire, origin: Floats, metre: float) -> dict[str, Any]:
         "curvature": curve.curvature,
         **{name: float(covariance[entry]) for name, entry in COVARIANCES.items()},
         **{f"sd_{name}": value for name, value in sigma.items()},
+        DROP: int(wire.drop),
     }
 
 
@@ -151,8 +155,11 @@ def _counted(found: int, expected: int | None) -> dict[str, float]:
 
 
 def missing_columns(layer: Vector) -> str:
-    """The problem with a layer that lacks columns of wires; empty if it has all."""
-    missing = [name for name in WIRE_COLUMNS if name not in layer.names]
+    """The problem with a layer that lacks columns of wires; empty if it has all.
+
+    Layers of before service drops were looked for have none.
+    """
+    missing = [name for name in WIRE_COLUMNS if name not in (*layer.names, DROP)]
     if not missing:
         return ""
     shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
@@ -164,7 +171,7 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
 
     Parameters
     ----------
-    layer : with the columns WIRE_COLUMNS; the covariance may be missing
+    layer : with the columns WIRE_COLUMNS but for DROP; the covariance may be missing
     origin : array of shape (3,), in the unit of the layer
     """
     metre = layer.metre

@@ -132,11 +132,12 @@ def _expected(span: int, found: dict[int, int], beside: dict[int, set[int]]) -> 
 
 def warn_of_missed(wires: Vector) -> None:
     """Log which spans lack conductors, what was seen in part, and if points are too few."""
+    _warn_of_drops(wires)
     setting = setting_name("wire_tolerance")
     how = f", or try another value of {setting}" if setting else ""
     for text in missed(wires):
         log.warning("%s; look at it, try denser data%s", text, how)
-    frame = wires.frame
+    frame = wires.frame[wires.frame["drop"] == 0]
     if not len(frame):
         return
     per_100_m = float((100 * frame["points"] / frame["length"]).median())
@@ -146,6 +147,18 @@ def warn_of_missed(wires: Vector) -> None:
             "%.0f there may be others that were not found; clearances to these are not measured",
             per_100_m,
             SETTINGS.errors.least_dense,
+        )
+
+
+def _warn_of_drops(wires: Vector) -> None:
+    """Log which spans are service drops, and that others may not have been seen."""
+    spans = wires.frame.loc[wires.frame["drop"] == 1, "span_id"].astype(str)
+    if len(spans):
+        log.warning(
+            "service drops: span %s leads from a pole to a house; of others too few points may be "
+            "seen: at least %d are needed, and points in as many metres of it",
+            ", ".join(spans),
+            SETTINGS.towers.known_by_points,
         )
 
 
@@ -177,7 +190,7 @@ def warn_of_open_ends(
     metre : length of one metre in that unit
     """
     found: dict[int, Floats] = {}
-    for wire in wires:
+    for wire in (wire for wire in wires if not wire.drop):
         for place, number, way in zip(wire.curve.ends, wire.supports, (-1, 1), strict=True):
             step = way * SETTINGS.supports.along
             behind = place[:2] + step * np.array([wire.curve.ex, wire.curve.ey])
@@ -272,8 +285,9 @@ def warn_of_left_out(curves: Sequence[Catenary], origin: Floats, metre: float) -
 
 
 def missed(wires: Vector) -> Iterator[str]:
-    """What may be missing of the line, span by span, from the layer of wires."""
+    """What may be missing of the line, span by span, from the layer of wires, without drops."""
     frame = wires.frame
+    frame = frame[frame["drop"] == 0]
     for span, own in frame.groupby("span_id"):
         found, usual = own["conductors"].max(), own["expected"].max()
         if found < usual:

@@ -55,6 +55,7 @@ class Wire:
     span, bundle, wire : numbers
     seen_share, longest_gap : share of its length with points, and metres without; NaN if not known
     sure : whether it is known by itself, not only beside or behind another one
+    drop : whether it leads from a pole to a house
     """
 
     curve: Catenary
@@ -67,6 +68,7 @@ class Wire:
     seen_share: float = math.nan
     longest_gap: float = math.nan
     sure: bool = True
+    drop: bool = False
 
     @property
     def seen_length(self) -> float:

@@ -45,21 +45,20 @@ def per_cell(
     surface : array of shape (rows, cols), NaN (count: 0) in cells without points
     used : array of shape (rows, cols), number of points
     """
-    cells = np.empty(len(xy), np.int32)
-    for first in range(0, len(xy), BLOCK):
-        some = slice(first, first + BLOCK)
-        row, col = lattice.indices(xy[some, 0], xy[some, 1])
-        here = (row >= 0) & (row < lattice.rows) & (col >= 0) & (col < lattice.cols)
-        cells[some] = np.where(here, row * lattice.cols + col, -1)
-        ctx.progress(0.5 * first / len(xy))
+    cells = _cells(xy, lattice, ctx.part(0.0, 0.5))
+    if statistic in ("min", "max"):  # for which nothing has to be sorted
+        ends, used = np.full(lattice.shape, np.nan), np.zeros(lattice.shape, np.int32)
+        _extremes(cells, values, statistic == "max", ends.reshape(-1), used.reshape(-1))
+        ctx.progress(1.0)
+        return ends, used
     starts = np.zeros(lattice.rows * lattice.cols + 1, np.int64)
     _count(cells, starts)
     sorted_values = _gather(cells, values, starts)
     ctx.progress(0.7)
     surface = np.empty(lattice.shape)
     kinds = {"mean": MEAN, "std": DEVIATION, "count": COUNT}
-    shares = {"min": 0.0, "median": 0.5, "max": 1.0}
-    kind, share = kinds.get(statistic, QUANTILE), shares.get(statistic, percentile / 100)
+    share = 0.5 if statistic == "median" else percentile / 100
+    kind = kinds.get(statistic, QUANTILE)
     in_blocks(
         lambda first, last: _summarise(
             sorted_values, starts, first, last, kind, share, surface.reshape(-1)
@@ -69,6 +68,30 @@ def per_cell(
         ctx.part(0.7, 1),
     )
     return surface, np.diff(starts).astype(np.int32).reshape(lattice.shape)
+
+
+def _cells(xy: Array, lattice: Lattice, ctx: Context) -> NDArray[np.int32]:
+    """Number of the cell of each point, row by row; -1 outside of the raster."""
+    cells = np.empty(len(xy), np.int32)
+    for first in range(0, len(xy), BLOCK):
+        some = slice(first, first + BLOCK)
+        row, col = lattice.indices(xy[some, 0], xy[some, 1])
+        here = (row >= 0) & (row < lattice.rows) & (col >= 0) & (col < lattice.cols)
+        cells[some] = np.where(here, row * lattice.cols + col, -1)
+        ctx.progress(first / len(xy))
+    return cells
+
+
+@kernel
+def _extremes(cells, values, highest, surface, used):
+    """Highest or lowest value of each cell, NaN before, and the number of its points."""
+    for i in range(len(cells)):
+        cell, value = cells[i], values[i]
+        if cell >= 0:
+            used[cell] += 1
+            kept = surface[cell]
+            if not (kept >= value if highest else kept <= value):  # false for NaN
+                surface[cell] = value
 
 
 @kernel

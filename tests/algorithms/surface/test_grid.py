@@ -22,6 +22,7 @@ import toolbox
 from algorithms.shared.places import averaged
 from algorithms.surface import _centre_triangles
 from algorithms.surface._gridding import Method, grid
+from algorithms.surface._statistics import Statistic, per_cell
 from algorithms.surface._tin import Tin
 from algorithms.surface.grid import SurfaceGrid
 from toolbox.context import Context
@@ -357,6 +358,22 @@ def plain(
         return float(values[order[0]])
     weight = np.sqrt(square[order] + smoothing**2) ** -power
     return float(weight @ values[order] / weight.sum())
+
+
+def test_the_lowest_and_the_highest_are_the_ends_of_what_is_sorted() -> None:
+    """In cells without points as well, and with points beyond the raster."""
+    rng = np.random.default_rng(8)
+    xy, values = rng.uniform(-3, 13, (60, 2)), rng.normal(0, 9, 60)
+    lattice = Lattice.cover((0, 0, 10, 10), 2.0)
+    ways: list[tuple[Statistic, float]] = [("min", 0.0), ("max", 100.0)]
+    for statistic, percentile in ways:
+        got = per_cell(xy, values, lattice, statistic)
+        wanted = per_cell(xy, values, lattice, "percentile", percentile=percentile)
+        for one, other in zip(got, wanted, strict=True):
+            np.testing.assert_array_equal(one, other)
+            assert one.dtype == other.dtype
+    assert 0 < np.count_nonzero(np.isnan(got[0])) < 20
+    assert got[1].sum() < 60
 
 
 def test_statistics_of_each_cell() -> None:

@@ -151,6 +151,8 @@ AMPLE = {
 """Tools for which half the halo may do here, though not everywhere."""
 BUILT = {"classify.buildings"}
 """Tools that are tried on a strip with a house across the edge of a tile."""
+IN_LISTS = {"classify.water"}
+"""Tools whose halo is for lists of first and last returns, which the strip is not."""
 ALIGNED = {"corridor.candidates"}
 """Tools whose cells begin where the tiles do; its own tests have others."""
 NUMBER = "point_number"  # tells the order of points
@@ -327,6 +329,12 @@ def slope(points: PointCloud) -> Raster:
     return Raster.from_lattice(np.tile(height, (lattice.rows, 1)), lattice, crs=points.crs)
 
 
+def waters(points: PointCloud) -> Vector:
+    """The shapes as water at a height that the slope has in them."""
+    made = shapes(points)
+    return Vector(made.frame.assign(level=20.0 * points.metre), name=made.name)
+
+
 def shapes(points: PointCloud) -> Vector:
     """Two polygons among the points that overlap."""
     triangle = np.array([[500_010, 4_600_001], [500_700, 4_600_020], [500_020, 4_600_030]])
@@ -463,6 +471,7 @@ SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that ne
     "classify.ndvi": {"image": two_bands},  # finds the bands by their names
     "classify.som_apply": {"map": lambda points: trained()},  # reads the columns of classify.som
     "classify.vegetation_by_ndvi": {"image": greenness},  # unless the points have a colour
+    "classify.water": {"water": waters},  # reads levels
     "compare.rasters": {"classes": classes_of_cells, "reference": classes_of_cells},
     "compare.spans": {"wires": wire, "reference": wire},  # reads the columns of corridor.extract
     "corridor.candidates": {"points": with_heights},  # asks for heights above ground
@@ -754,7 +763,7 @@ def test_too_small_a_halo_is_noticed(
     if not {field.kind.word for field in spec.outputs.values()} & {"PointCloud", "Raster"}:
         pytest.skip("features are compared by the tests of the tool")
     strip = with_house(strip) if spec.id in BUILT else strip
-    if spec.id in ALIGNED or (share and spec.id in AMPLE):
+    if spec.id in ALIGNED | IN_LISTS or (share and spec.id in AMPLE):
         pytest.skip("what needs all of it cannot be seen")
     with pytest.raises(AssertionError):
         check_tiles(spec, settings, strip, share * halo)

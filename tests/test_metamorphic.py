@@ -32,6 +32,7 @@ WITHOUT = {  # tools that no change of a single cloud tells anything about
     "classify.train": "gives a model, whose draws change with the order of blocks",
     "classify.suggest": "gives places of patches of a grid, which turning and shifting change",
     "classify.vegetation_by_ndvi": "needs an image",
+    "classify.water": "needs a polygon of water",
     "compare.areas": "compares layers",
     "compare.lines": "compares layers",
     "compare.planes": "compares layers",

@@ -75,8 +75,8 @@ class GroundClassify:
         def in_words(self) -> str:
             """How much is ground, and that water is not looked for here."""
             return (
-                f"{100 * self.ground_share:.1f} % of the points are ground (class 2), returns from "
-                "water without a class of its own among them."
+                "The ground filter, which does not look for water, found "
+                f"{100 * self.ground_share:.1f} % of the points to be ground (class 2)."
             )
 
     def halo(self) -> float:

@@ -23,6 +23,14 @@ WATER = {
         meaning="Half of the 95 % interval of the level by the points of this survey alone; an "
         "error that all of its heights have in common comes on top",
     ),
+    "scatter": Column(
+        "Scatter of returns",
+        "unit",
+        3,
+        never_zero=True,
+        meaning="Standard deviation of single returns from the level; empty where too few came "
+        "back from the water to tell it",
+    ),
     "slope": Column("Slope of the level", "", 6),
     "area": Column("Area", "m²", 0),
     "area_error": Column("Standard error of the area", "m²", 0, never_zero=True),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit  # scipy.stats would take half a second to import
 
 from algorithms.shared.otsu import otsu_threshold
+from algorithms.shared.water_surface import MOST_SIGMA, WIDEST
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,8 +20,7 @@ NORMAL = 0.6745  # median deviation of a normal distribution, in standard deviat
 
 FEW = 0.05  # share of the heights that make a mode
 FIRST_SIGMA = 0.10  # m: before it is known; the foot of waves of 0.15 is a start, too
-LEAST_SIGMA, MOST_SIGMA = 0.01, 0.25  # m: of a calm lake, and of a rough one
-WIDEST = 3.0  # standard deviations from the level to the farthest point that counts
+LEAST_SIGMA = 0.01  # m: of a calm lake; that of a rough one is MOST_SIGMA
 _THERE = math.exp(-(WIDEST**2) / 2) / math.sqrt(math.tau)  # density of a normal distribution
 TRIMMED = 1 - 2 * WIDEST * _THERE  # move of their mean for one of all points
 MEDIAN_OF_FEW = 0.8  # points that a median deviation lacks (Croux and Rousseeuw 1992)
@@ -101,6 +101,18 @@ class Level:
         for number, height in self.of_strip:
             shift[strip == number] = height - self.height
         return shift
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of single points from the height, at most; NaN if none are on it.
+
+        Levels of strips, or of parts, that differ by some range have a standard deviation of at
+        most half of it (Popoviciu's inequality).
+        """
+        if self.basis == "shore":
+            return math.nan
+        apart = [self.strips, *(abs(np.subtract(*two)) for two in (self.parts, self.cover) if two)]
+        return math.hypot(self.sigma, float(max(apart)) / 2)
 
     @property
     def interval(self) -> float:

@@ -82,6 +82,7 @@ class Outline:
                     "level": round(level.height, 4),
                     "level_error": round(level.error, 4),
                     "level_interval": round(level.interval, 4),
+                    "scatter": round(level.scatter, 4),
                     "slope": round(float(np.hypot(*level.gradient)), 6),
                     "area": round(polygon.area / metre**2, 2),
                     "area_error": round(of_area / metre**2, 2),

@@ -9,7 +9,7 @@ level, with the water surface at or just below the immediately surrounding terra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,23 +19,21 @@ from numpy.typing import NDArray
 
 from algorithms.shared.alignment import not_on
 from algorithms.shared.heights import heights_problem
-from algorithms.shared.polygons import cells_within, polygons
+from algorithms.shared.polygons import cells_within
 from algorithms.shared.water_columns import KNOWN, LOOKS_LAID, SHORELINE, WATER
+from algorithms.shared.water_surface import LEVEL, SLOPE, Surface, as_number, surfaces
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
-from toolbox.data.crs import unit_of_heights
+from toolbox.data.crs import own_unit, unit_of_heights, unit_of_lengths
 from toolbox.declare import outputs, param, show, sink, source, tool
-from toolbox.errors import DataError
 
 if TYPE_CHECKING:
     import geopandas
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Surface = Callable[[Array, Array], Array]
-"""The heights of a water at places x and y."""
-LEVEL, SLOPE, EVIDENCE = "level", "slope", "evidence"  # attributes of a polygon of water
-BODY, KIND, AREA, LENGTH = "body", "kind", "area", "length"
+BODY, KIND, AREA, LENGTH = "body", "kind", "area", "length"  # attributes of water
+EVIDENCE = "evidence"
 INTERVAL = "level_interval"  # half of the 95 % interval of the level
 COVERED = 0.5  # share of a found water: if more of it is known to be another one, it goes
 NAMED = 10  # waters in one warning
@@ -154,9 +152,12 @@ class SurfaceFlattenWater:
                 )
             rows = self.laid.frame.to_dict("records")
             if known := sum(row.get(EVIDENCE) == KNOWN for row in rows):
+                area = self.laid.frame.geometry.area.sum() / self.flattened.metre**2
+                own = own_unit(area, unit_of_lengths(self.flattened.crs), 2)
                 words += (
-                    f" Water bodies that were given as known: {known}; what is said of waters that "
-                    "were found, and of their shores, is without these."
+                    f" The water that was laid has {area:.0f} m²{own} in all. Water bodies that "
+                    f"were given as known: {known}; what is said of waters that were found, of "
+                    "their area and their shores, counts what gave way to these, and not these."
                 )
             if self._falls():
                 words += " Rivers among it are not level: they fall downstream."
@@ -170,7 +171,9 @@ class SurfaceFlattenWater:
         def _falls(self) -> bool:
             """Whether the surface of some of the water is not level."""
             return any(
-                _number(row.get(SLOPE)) > 0 if math.isfinite(_number(row.get(LEVEL))) else not even
+                as_number(row.get(SLOPE)) > 0
+                if math.isfinite(as_number(row.get(LEVEL)))
+                else not even
                 for row, even in zip(
                     self.laid.frame.to_dict("records"),
                     _are_even(self.laid.frame.geometry.to_numpy(), self.flattened.metre),
@@ -209,7 +212,7 @@ class SurfaceFlattenWater:
         east, north = lattice.centres()
         reach = math.ceil(self.shore / lattice.cell)
         found, known = (
-            [(surface, *cells_within(shape, lattice)) for shape, surface in _surfaces(layer, name)]
+            [(one.at, *cells_within(one.shape, lattice)) for one in surfaces(layer, name)]
             if layer
             else []
             for layer, name in ((self._found, "water"), (self.known, "known"))
@@ -386,7 +389,7 @@ class SurfaceFlattenWater:
         tops = [shapely.get_coordinates(shape, include_z=True)[:, 2].mean() for shape in shapes]
         levels = known[LEVEL] if LEVEL in known else [None] * len(known)
         known[LEVEL] = [
-            _number(level) if math.isfinite(_number(level)) else top if even else math.nan
+            as_number(level) if math.isfinite(as_number(level)) else top if even else math.nan
             for level, top, even in zip(levels, tops, _are_even(shapes, metre), strict=True)
         ]
         return Vector.concat([self._found, Vector(known)])
@@ -409,25 +412,6 @@ class SurfaceFlattenWater:
         return Vector(both, geometry_type="LineString Z")
 
 
-def _surfaces(layer: Vector, name: str) -> Iterator[tuple[shapely.Polygon, Surface]]:
-    """The polygons of a layer, with the surface of each, in the unit of the heights."""
-    for number in range(len(layer)):
-        row = layer.frame.iloc[number]
-        for shape in polygons(Vector(layer.frame.iloc[[number]], name=layer.name), name):
-            yield shape, _surface_of(row, shape, name)
-
-
-def _surface_of(row: Any, shape: shapely.Polygon, name: str) -> Surface:
-    """The surface of a polygon by its attributes, or by the heights of its vertices."""
-    level = _number(row.get(LEVEL))
-    if math.isfinite(level) and not (_number(row.get(SLOPE)) > 0 and shape.has_z):
-        return lambda x, y: np.full(np.broadcast(x, y).shape, level)
-    corners = shapely.get_coordinates(shape, include_z=True)
-    if not np.isfinite(corners).all():
-        raise DataError("surface.flatten_water", {name: "a polygon has no level"})
-    return between(corners)
-
-
 def _numbers(waters: geopandas.GeoDataFrame) -> str:
     """Text on the numbers of the first of some waters, if they have some."""
     if BODY not in waters:
@@ -443,11 +427,6 @@ def _are_even(shapes: Sequence[shapely.Polygon], metre: float) -> list[bool]:
     return [bool(np.ptp(z) <= EVEN * metre) for z in heights]
 
 
-def _number(value: Any) -> float:
-    """A number, or NaN for what is none."""
-    return float(value) if isinstance(value, int | float | np.number) else math.nan
-
-
 def _unfit(known: Vector, least: float) -> str:
     """Why polygons cannot be laid as water, with the row from 1; "" if they can.
 
@@ -461,7 +440,7 @@ def _unfit(known: Vector, least: float) -> str:
         if not shapely.is_valid(shape):
             return f"row {row} is no valid polygon ({shapely.is_valid_reason(shape)})"
         tops = shapely.get_coordinates(shape, include_z=True)[:, 2]
-        if not (math.isfinite(_number(level)) or np.isfinite(tops).all()):
+        if not (math.isfinite(as_number(level)) or np.isfinite(tops).all()):
             return f"row {row} has no number in the attribute level, and no heights"
     pairs = shapely.STRtree(shapes).query(shapes, predicate="intersects").T
     for one, other in pairs[pairs[:, 0] < pairs[:, 1]].tolist():
@@ -473,35 +452,6 @@ def _unfit(known: Vector, least: float) -> str:
 def _tells_heights(water: Vector) -> bool:
     """Whether polygons have levels, or heights at their vertices."""
     return LEVEL in water.names or bool(shapely.has_z(water.frame.geometry.to_numpy()).all())
-
-
-def between(xyz: Array) -> Surface:
-    """The surface between heights at places; beyond them it is as at the nearest one.
-
-    Parameters
-    ----------
-    xyz : array of shape (n, 3)
-
-    Examples
-    --------
-    >>> surface = between(np.array([[0.0, 0, 1], [0, 2, 1], [4, 0, 3], [4, 2, 3]]))
-    >>> surface(np.array([1.0, 9.0]), np.array([1.0, 1.0]))
-    array([1.5, 3. ])
-    """
-    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
-
-    middle = xyz[:, :2].mean(axis=0)
-    places, heights = xyz[:, :2] - middle, xyz[:, 2]
-    inside, beyond = (
-        make(places, heights) for make in (LinearNDInterpolator, NearestNDInterpolator)
-    )
-
-    def at(x: Array, y: Array) -> Array:
-        x, y = np.broadcast_arrays(x - middle[0], y - middle[1])
-        found = inside(x, y)
-        return np.asarray(np.where(np.isnan(found), beyond(x, y), found))
-
-    return at
 
 
 def shore_below(heights: Array, water: Mask, level: Array, reach: int) -> Mask:

@@ -85,6 +85,69 @@ def test_water_is_level_in_the_terrain_and_below_what_stands_on_it() -> None:
     np.testing.assert_allclose(objects, top - found["dtm"].band(), atol=1e-5)
 
 
+def wet(points: PointCloud) -> NDArray[np.bool_]:
+    """The returns from the canal, half a metre and more from its banks."""
+    x, y = (points[axis] - origin for axis, origin in (("x", 5e5), ("y", 4.6e6)))
+    return np.asarray(abs(x - 60 - 0.1 * y) < 9.5)
+
+
+def with_named(points: PointCloud) -> PointCloud:
+    """The canal with a bridge across, boats that nobody named, and returns of class 26."""
+    above = points.xyz[wet(points)][::9] + np.array([0, 0, 1.5])
+    y = points["y"] - 4.6e6
+    classes = np.where(wet(points) & (abs(y - 60) < 2), 26, 1)
+    xyz = np.vstack([points.xyz, above])
+    attributes = {
+        "classification": np.append(classes, np.ones(len(above))).astype(np.uint8),
+        "intensity": np.append(points["intensity"], np.full(len(above), 200)).astype("u2"),
+    }
+    return PointCloud(xyz, attributes, crs=points.crs)
+
+
+def test_last_returns_from_water_that_was_laid_are_class_9() -> None:
+    """They had stayed ground, which contracts of mapping ask to be told apart."""
+    points = with_named(canal())
+    values = {"points": points, "denoise": False, "image": False, "keep_classes": "9,26"}
+    found, as_it_was = (
+        toolbox.run("models.terrain", {**values, "level_water": water}) for water in (True, False)
+    )
+    classes, before = (one["classified"]["classification"] for one in (found, as_it_was))
+    low, named = points["z"] < 0.2, points["classification"] == 26
+    water = wet(points) & low & ~named
+    assert water.sum() > 400
+    assert (classes[water] == 9).mean() > 0.98
+    assert (classes[named] == 26).all()
+    assert not (classes[~low] == 9).any(), "neither boats nor banks"
+    assert not (before == 9).any()
+    np.testing.assert_array_equal(classes[classes != 9], before[classes != 9])
+    assert found["water_points"] == (classes == 9).sum()
+    assert as_it_was["water_points"] is None
+
+
+def test_known_water_is_class_9_too_and_the_terrain_is_the_same_in_tiles(tmp_path: Path) -> None:
+    """With a river of a map, whose heights fall along it, beside water that was found."""
+    from toolbox.tiles.tiling import Tiling
+
+    path = tmp_path / "canal.laz"
+    with_named(canal()).save(path)
+    corners = [(40, 60, 0.3), (95, 60, 0.3), (95, 120, -0.3), (40, 120, -0.3)]
+    shape = shapely.Polygon([(5e5 + x, 4.6e6 + y, z) for x, y, z in corners])
+    known = tmp_path / "known.gpkg"
+    river = geopandas.GeoDataFrame({"name": ["Spey"]}, geometry=[shape], crs=32635)
+    Vector(river).save(known)
+    values = {"points": path, "known_water": known, "level_water": True, "image": False}
+    for name, tiling in (("whole", None), ("tiled", Tiling.parse({"tile": 40, "workers": 1}))):
+        files = {"classified": tmp_path / f"{name}.laz", "dtm": tmp_path / f"{name}.tif"}
+        found = toolbox.run("models.terrain", {**values, **files}, tiling=tiling)
+        assert found["water_points"] > 400
+    whole, tiled = (PointCloud.open(tmp_path / f"{name}.laz") for name in ("whole", "tiled"))
+    np.testing.assert_array_equal(whole.xyz, tiled.xyz)
+    np.testing.assert_array_equal(whole["classification"], tiled["classification"])
+    assert (whole["classification"] == 9).sum() == found["water_points"]
+    bands = [Raster.open(tmp_path / f"{name}.tif").band() for name in ("whole", "tiled")]
+    np.testing.assert_array_equal(*bands)
+
+
 def test_noise_that_was_taken_out_is_counted() -> None:
     xyz, _ = hillside()
     noisy = np.vstack([xyz, [[20.3, 20.3, 90.0], [60.3, 30.3, 95.0], [70.3, 70.3, -40.0]]])

@@ -244,6 +244,7 @@ def test_known_water_takes_the_place_of_what_it_covers(caplog: pytest.LogCapture
     assert "water body" not in caplog.text, "they have no numbers"
     np.testing.assert_array_equal(made.flattened.band()[9], [*[8] * 10, *[9] * 10])
     assert made.laid.frame.geometry.area.tolist() == [40, 40], "what is left of the other one"
+    assert "The water that was laid has 80 m² in all. " in made.in_words()
     low = SurfaceFlattenWater(terrain=ground, water=found, known=known, level=6.0).run()
     np.testing.assert_array_equal(low.flattened.band()[9], [*[8] * 10, *[6] * 10])
 

@@ -6,6 +6,7 @@ import logging
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -1050,3 +1051,13 @@ def test_water_is_nowhere_above_the_banks_upstream_of_it() -> None:
     assert heights[xs[cols] < 50] == pytest.approx(11.0)
     assert heights[(xs[cols] > 75) & (xs[cols] < 98)] == pytest.approx(11.0)  # not the cliff
     assert heights[xs[cols] > 113] == pytest.approx(10.0)
+
+
+def test_the_scatter_of_returns_holds_strips_and_parts_that_lie_apart() -> None:
+    """It is at most half of what they differ by, as each return is of one of them."""
+    level = Level(10.0, 0.01, 5.0, 0.03, 100)
+    assert level.scatter == 0.03
+    assert replace(level, strips=0.08).scatter == pytest.approx(0.05)
+    assert replace(level, parts=(9.98, 10.06)).scatter == pytest.approx(0.05)
+    assert replace(level, cover=(10.06, 9.98)).scatter == pytest.approx(0.05)
+    assert math.isnan(replace(level, basis="shore").scatter), "no return tells it"

@@ -38,7 +38,14 @@ OBJECTS = {
     "height": Column("Height above the ground", "m", 1),
     "state": Column("State of the wires"),
     "as_surveyed": Column(
-        "Listed also as surveyed", meaning="No: only with the wires hot or in wind"
+        "Of this severity also as surveyed",
+        meaning="No: less severe, or not listed, unless the wires are hot or in wind",
+    ),
+    "severity_surveyed": Column(
+        "Severity as surveyed", meaning="Empty: listed only with the wires hot or in wind"
+    ),
+    "clearance_surveyed": Column(
+        "Clearance as surveyed", "m", 2, meaning="From the same wire; empty where the rule has none"
     ),
     "may_be_wire": Column("Shape of a wire"),
     "points": Column("Points"),
@@ -101,9 +108,11 @@ SPANS = {
     "points_0_20": Column("Points at 0 to 20 m"),
     "points_20_30": Column("Points at 20 to 30 m"),
     "objects": Column(
-        "Objects worst in this state",
-        meaning="Objects, each counted in the state in which it is worst",
+        "Objects too close",
+        meaning="Each counted in the state of the wires in which it is worst",
     ),
+    "watched": Column("Objects to be watched", meaning="Counted likewise"),
+    "no_rule": Column("Objects near without a rule", meaning="Counted likewise"),
 }
 
 KINDS = {
@@ -171,7 +180,7 @@ WIRES = {
     "span": Column("Span length", "m", 1, meaning="Length of the axis, in plan"),
     "c": Column("Catenary constant", "m", 0, meaning="Horizontal tension over weight"),
     "swing": Column(
-        "Swing",
+        "Swing (unsure where its standard deviation is above 2°)",
         "°",
         1,
         meaning="Angle by which it hangs beside the vertical, above 0 to the left of the axis; "

@@ -43,15 +43,16 @@ from algorithms.corridor._clearance.missed import (
 )
 from algorithms.corridor._clearance.objects import (
     FALLING,
-    as_surveyed,
     clumps_of,
     falling_trees,
     objects_of,
+    rank_as_surveyed,
     with_falls,
 )
 from algorithms.corridor._clearance.report import doubt, report_of, too_high
 from algorithms.corridor._clearance.rest import SURE, AtRest, Temperatures, band_of, extremes
 from algorithms.corridor._clearance.rules import (
+    BROKEN,
     KINDS,
     LINE,
     NO_RULE,
@@ -81,6 +82,7 @@ from algorithms.corridor._clearance.sag import (
     shipped_conductors,
 )
 from algorithms.corridor._clearance.surroundings import (
+    LOW_LISTED,
     LineStates,
     Object,
     Surroundings,
@@ -419,11 +421,14 @@ class CorridorClearance:
         )
         report: Report = sink("Map, profile of each span, and objects in order of urgency")
         object_count: int = sink(
-            "Objects too close to a wire, or that may fall on it, of all severities", unit="1"
+            "Objects too close to a wire, of severity critical or warning", unit="1"
         )
         critical_count: int = sink("Objects of severity critical", unit="1")
         warning_count: int = sink("Objects of severity warning", unit="1")
-        watch_count: int = sink("Objects that are to be watched", unit="1")
+        watch_count: int = sink(
+            "Objects to be watched: trees that may fall on a wire, or will be too close when grown",
+            unit="1",
+        )
         no_rule_count: int = sink("Objects near a wire for which there is no rule", unit="1")
         unsure_count: int = sink(
             "Wires near which points hang in mid-air that may be of the line; not in object_count",
@@ -433,7 +438,7 @@ class CorridorClearance:
             "Pairs of spans of different lines that are too close or near without a rule", unit="1"
         )
         low_object_count: int = sink(
-            "Objects left out as they are lower than the lowest object", unit="1"
+            "Objects that would be listed, but are lower than the lowest object", unit="1"
         )
         points_0_20: int = sink(
             "Points of objects less than 20 m from a wire, as surveyed", unit="1"
@@ -504,7 +509,7 @@ class CorridorClearance:
         if doubtful := doubt(rules):
             log.warning("%s", doubtful)
         line, temperatures, surveyed = metric._states(conductor)
-        if high := too_high(rules, line):
+        if high := too_high(rules, line, self.wires.crs):
             log.warning("%s", high)
         cloud = metric._cloud(line, rules, ctx.part(0.0, 0.3))
         surroundings = metric._surroundings(cloud, line, rules, ctx.part(0.3, 0.4))
@@ -532,6 +537,7 @@ class CorridorClearance:
         spans = span_table(
             surroundings,
             line,
+            rules,
             least,
             objects,
             metric.point_sd,
@@ -542,9 +548,9 @@ class CorridorClearance:
         lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
         objects = [*objects, *hanging]
         clumps = clumps_of(surroundings, objects, gap=metric.object_gap)
-        there = as_surveyed(surroundings, line, rules, found, reach=reach)
+        ranks = rank_as_surveyed(surroundings, line, rules, found, reach=reach)
         layer, unsure = apart(
-            object_layer(cloud, surroundings, line, rules, objects, clumps, like, there)
+            object_layer(cloud, surroundings, line, rules, objects, clumps, like, ranks)
         )
         missing = section(texts_of(metric.wires, like))
         page = report_of(
@@ -555,6 +561,8 @@ class CorridorClearance:
             layer.frame,
             unsure.frame,
             spans,
+            least,
+            low,
             conductor,
             coverage,
             missing,
@@ -567,20 +575,20 @@ class CorridorClearance:
         severities = [rules[one.rule].severity for one in objects]
         in_zones = zones[0].sum(axis=(0, 1)).tolist()
         return self.Outputs(
-            violations=violation_cloud(cloud, surroundings, line, rules, found, objects, there),
+            violations=violation_cloud(cloud, surroundings, line, rules, found, objects, ranks),
             objects=layer,
             unsure=unsure,
             crossings=lines,
             spans=spans,
             report=page,
-            object_count=len(objects) - severities.count(NO_RULE) - len(hanging),
+            object_count=sum(severity in BROKEN for severity in severities),
             critical_count=severities.count(SEVERITIES[0]),
             warning_count=severities.count("warning"),
             watch_count=severities.count("watch"),
             no_rule_count=severities.count(NO_RULE),
             unsure_count=len(hanging),
             crossing_count=sum(one.rule >= 0 for one in crossings),
-            low_object_count=low,
+            low_object_count=len(low),
             points_0_20=in_zones[0],
             points_20_30=in_zones[1],
             least_clearance=nearest * self.points.metre if math.isfinite(nearest) else None,
@@ -631,12 +639,13 @@ class CorridorClearance:
         rules: list[Rule],
         found: Violations,
         ctx: Context,
-    ) -> int:
-        """Number of objects that are left out as they are too low; it is noted with the points."""
+    ) -> list[str]:
+        """Severities of objects that are left out as they are too low; noted with the points."""
         reach, grouped = _measured(rules), self._grouped
         low, points = too_low(surroundings, line, rules, found, reach=reach, **grouped, ctx=ctx)
-        if points:
-            why = f"Of these, would break a rule or be near; in {low} objects"
+        if (surroundings.low >= 0).any():
+            told = f"Of these, would break a rule or be near; in {len(low)} objects"
+            why = told if points else LOW_LISTED
             surroundings.left_out[why] = points
         return low
 

@@ -18,7 +18,7 @@ from algorithms.corridor._clearance.distances import (
     nearest_wires,
 )
 from algorithms.corridor._clearance.objects import groups
-from algorithms.corridor._clearance.rules import KINDS, OBJECTS, Rule
+from algorithms.corridor._clearance.rules import KINDS, OBJECTS, SEVERITIES, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Surroundings
 from toolbox.context import QUIET, Context
 
@@ -59,8 +59,8 @@ def too_low(
     gap: float,
     fewest: int,
     ctx: Context = QUIET,
-) -> tuple[int, int]:
-    """Number of objects and of points that would be listed if low plants were objects.
+) -> tuple[list[str], int]:
+    """Severities of objects, and number of points, that would be listed if they were not low.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def too_low(
     """
     low = np.flatnonzero(surroundings.low >= 0)
     if not len(low) or not line.spans:
-        return 0, 0
+        return [], 0
     xyz, kind = surroundings.xyz, surroundings.low
     more, _ = find_violations(
         xyz[low], kind[low], line.curves, rules, reach=reach, point_sd=0.0, ctx=ctx
@@ -81,4 +81,8 @@ def too_low(
     group = groups(xyz[points], kinds, gap)
     size = np.bincount(group)
     other = np.bincount(group[len(mine) :], minlength=len(size))
-    return int(((other == 0) & (size >= fewest)).sum()), len(mine)
+    worst = np.full(len(size), len(SEVERITIES))
+    rank = np.array([SEVERITIES.index(rule.severity) for rule in rules], np.int64)[more.rule]
+    np.minimum.at(worst, group[: len(mine)], rank)
+    alone = worst[(other == 0) & (size >= fewest)]
+    return [SEVERITIES[k] for k in alone], len(mine)

@@ -17,8 +17,16 @@ from algorithms.corridor._clearance.distances import Least, Violations, distance
 from algorithms.corridor._clearance.missed import SPAN_COLUMNS as MISSED_COLUMNS
 from algorithms.corridor._clearance.missed import WireLike
 from algorithms.corridor._clearance.objects import FALLING
-from algorithms.corridor._clearance.rest import Band, interval_of
-from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, UNSURE, Rule
+from algorithms.corridor._clearance.rest import Band, clearance_as_surveyed, interval_of
+from algorithms.corridor._clearance.rules import (
+    BROKEN,
+    KINDS,
+    NO_RULE,
+    OBJECTS,
+    SEVERITIES,
+    UNSURE,
+    Rule,
+)
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from toolbox.data import PointCloud, Table, Vector
 
@@ -48,6 +56,8 @@ SPAN_COLUMNS = (
     "ground_high",
     *ZONE_COLUMNS,
     "objects",
+    "watched",
+    "no_rule",
 )
 OBJECT_COLUMNS = (
     "object_id",
@@ -67,6 +77,8 @@ OBJECT_COLUMNS = (
     "wire_id",
     "state",
     "as_surveyed",
+    "severity_surveyed",
+    "clearance_surveyed",
     "distance",
     "vertical",
     "horizontal",
@@ -102,7 +114,7 @@ VIOLATION_DESCRIPTIONS = {
     "severity": "1 crit 2 warn 3 none 4 watch 5 ?",
     "rule": "its place in the report",
     "state": "0 survey, others see report",
-    "as_surveyed": "1 also as surveyed, 0 only else",
+    "as_surveyed": "1 as severe as surveyed, 0 less",
     "wire_id": "conductor",
     "span_id": "between two towers",
     "object_id": "0 for none",
@@ -121,13 +133,13 @@ def object_layer(
     objects: Sequence[Object],
     clumps: Sequence[int],
     like: WireLike,
-    there: NDArray[np.bool_],
+    ranks: Ints,
 ) -> Vector:
     """Vector layer of the objects: one point per object, where it is closest to the wire.
 
     Parameters
     ----------
-    there : which points of the surroundings are listed also with the wires as surveyed
+    ranks : how severe points are with the wires as surveyed, see `rank_as_surveyed`
     """
     rows: list[dict[str, Any]] = []
     for number, (one, clump) in enumerate(zip(objects, clumps, strict=True), start=1):
@@ -136,6 +148,7 @@ def object_layer(
         falls = rule.id == FALLING.id
         surveyed = one.state == 0  # the interval is of the wire as surveyed, colder or warmer
         low, high = interval_of(one, rule, surroundings, line) if surveyed else (math.nan,) * 2
+        now = int(ranks[one.points].min())
         rows.append(
             {
                 "object_id": number,
@@ -154,7 +167,9 @@ def object_layer(
                 "span_id": int(line.span[one.wire]),
                 "wire_id": int(line.wire[one.wire]),
                 "state": line.states[one.state].name,
-                "as_surveyed": bool(there[one.points].any()),
+                "as_surveyed": now <= SEVERITIES.index(rule.severity),
+                "severity_surveyed": SEVERITIES[now] if now < len(SEVERITIES) else "",
+                "clearance_surveyed": clearance_as_surveyed(one, rule, surroundings, line),
                 "distance": one.space,
                 "vertical": one.vertical,
                 "horizontal": one.flat,
@@ -188,7 +203,7 @@ def violation_cloud(
     rules: Sequence[Rule],
     found: Violations,
     objects: Sequence[Object],
-    there: NDArray[np.bool_],
+    ranks: Ints,
 ) -> PointCloud:
     """Point cloud of the points that break a rule or have none, in their original order."""
     order = np.argsort(found.point, kind="stable")
@@ -213,7 +228,7 @@ def violation_cloud(
             "severity": severity[found.rule[order]],
             "rule": (found.rule[order] + 1).astype(np.uint16),
             "state": found.state[order].astype(np.uint8),
-            "as_surveyed": there[found.point[order]].astype(np.uint8),
+            "as_surveyed": (ranks[found.point] < severity[found.rule])[order].astype(np.uint8),
             "wire_id": line.wire[wire].astype(np.uint32),
             "span_id": line.span[wire].astype(np.uint32),
             "object_id": number[found.point[order]],
@@ -225,6 +240,7 @@ def violation_cloud(
 def span_table(
     surroundings: Surroundings,
     line: LineStates,
+    rules: Sequence[Rule],
     least: Least,
     objects: Sequence[Object],
     point_sd: float,
@@ -267,12 +283,25 @@ def span_table(
                     **dict(
                         zip(ZONE_COLUMNS, zones[number, own].sum(axis=(0, 1)).tolist(), strict=True)
                     ),
-                    "objects": sum(
-                        o.state == number and line.span[o.wire] == span for o in objects
+                    **_counted(
+                        [
+                            rules[one.rule].severity
+                            for one in objects
+                            if one.state == number and line.span[one.wire] == span
+                        ]
                     ),
                 }
             )
     return Table(pd.DataFrame(rows, columns=SPAN_COLUMNS), name="spans")
+
+
+def _counted(severities: Sequence[str]) -> dict[str, int]:
+    """How many objects are too close, to be watched, and near without a rule."""
+    return {
+        "objects": sum(severity in BROKEN for severity in severities),
+        "watched": severities.count("watch"),
+        "no_rule": severities.count(NO_RULE),
+    }
 
 
 def _least_of(

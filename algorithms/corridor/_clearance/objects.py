@@ -235,15 +235,15 @@ def with_falls(
     return sorted([*reaching, *trees], key=lambda one: rank[one.rule]), known
 
 
-def as_surveyed(
+def rank_as_surveyed(
     surroundings: Surroundings,
     line: LineStates,
     rules: Sequence[Rule],
     found: Violations,
     *,
     reach: float,
-) -> NDArray[np.bool_]:
-    """Which points are listed also with the wires as surveyed, not only when hot or in wind.
+) -> Ints:
+    """How severe points are with the wires as surveyed, of those that are listed in any state.
 
     Parameters
     ----------
@@ -253,22 +253,26 @@ def as_surveyed(
 
     Returns
     -------
-    array of shape (n,), for all points of the surroundings
+    array of shape (n,), for all points of the surroundings: index into SEVERITIES, one more for
+        what is not listed as surveyed
     """
-    there = np.zeros(len(surroundings.xyz), bool)
-    there[found.point[found.state == 0]] = True
+    severity = np.array([SEVERITIES.index(rule.severity) for rule in rules], np.int64)
+    ranks = np.full(len(surroundings.xyz), len(SEVERITIES))
+    calm = found.state == 0
+    ranks[found.point[calm]] = severity[found.rule[calm]]
     falls = np.array([rule.id == FALLING.id for rule in rules], bool)[found.rule]
     trees = found.point[(found.state != 0) & falls]
     others = found.point[(found.state != 0) & ~falls]
-    measured = [rule for rule in rules if rule.id != FALLING.id]
+    numbers = [k for k, rule in enumerate(rules) if rule.id != FALLING.id]
+    measured = [rules[k] for k in numbers]
     if len(others):
         xyz, kind = surroundings.xyz[others], surroundings.kind[others]
         now, _ = find_violations(xyz, kind, line.curves[:1], measured, reach=reach, point_sd=0.0)
-        there[others[now.point]] = True
+        ranks[others[now.point]] = severity[numbers][now.rule]
     if len(trees):
         left, *_ = fall_in(surroundings.xyz[trees], surroundings.height[trees], line.curves[:1])
-        there[trees[left < 0]] = True
-    return there
+        ranks[trees[left < 0]] = SEVERITIES.index(FALLING.severity)
+    return ranks
 
 
 def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:

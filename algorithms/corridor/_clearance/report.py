@@ -9,14 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from pyproj import CRS
 
 from algorithms.corridor import _columns as columns
 from algorithms.corridor._clearance.counted import ZONE_COLUMNS
 from algorithms.corridor._clearance.coverage import Coverage
+from algorithms.corridor._clearance.distances import Least, distances
 from algorithms.corridor._clearance.drawing import Drawing
 from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rest import AtRest
 from algorithms.corridor._clearance.rules import (
+    BROKEN,
     KINDS,
     NO_RULE,
     OBJECTS,
@@ -27,6 +30,7 @@ from algorithms.corridor._clearance.rules import (
 )
 from algorithms.corridor._clearance.sag import Conductor, State
 from algorithms.corridor._clearance.surroundings import (
+    LOW_LISTED,
     OF_LINE,
     LineStates,
     Object,
@@ -38,7 +42,6 @@ from toolbox.data import Figure, Report, Rows, Section, Table, Vector
 from toolbox.data.crs import short_unit
 from toolbox.data.report import Column, Head
 
-BROKEN = SEVERITIES[:2]  # of what is nearer than a rule allows
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
 PROFILE_BESIDE = 20.0  # metres to both sides of a span that its profile shows
 SHEET, MOST_SHEETS = 800.0, 20  # length of a sheet of the map, metres; longer if there were more
@@ -47,6 +50,7 @@ PROFILE_ROOM = np.array([0.02, 0.06])
 MAP_SIZE, PROFILE_SIZE = (850.0, 930.0), (880.0, 350.0)  # pixels, the former at most
 STRETCH_LENGTH = 10.0  # metres
 RIGHT_BELOW, BELOW_COLOUR = 1.0, "#7a4a10"  # metres to the side of a wire, and colour in profiles
+LEAST_COLOUR = "#000000"
 KIND_COLOURS = {
     "tree": "#4a9c4a",
     "building": "#b0703c",
@@ -65,6 +69,7 @@ SEVERITY_COLOURS = {
     "watch": "#d8c000",
     UNSURE: "#606060",
 }
+SURVEYED = ("severity_surveyed", "clearance_surveyed")
 LISTED = (
     "object_id",
     "clump",
@@ -80,7 +85,7 @@ LISTED = (
     "falls",
     "distance",
     "state",
-    "as_surveyed",
+    *SURVEYED,
     "span_id",
     "wire_id",
     "chainage",
@@ -150,6 +155,8 @@ def report_of(
     listed: pd.DataFrame,
     unsure: pd.DataFrame,
     spans: Table,
+    least: Least,
+    low: Sequence[str],
     conductor: Conductor | None,
     coverage: Coverage,
     missing: Section,
@@ -164,29 +171,32 @@ def report_of(
     ----------
     objects : also those that are not sure, last
     listed, unsure : the columns of the layers of objects and of those, in the same order
+    least : the points nearest to each wire
+    low : severities of objects that are left out as they are too low
     missing : on wires that may be missing
     crossings : the columns of the layer of crossings
     basis : what the distances required are, in a sentence
     """
     across, near = _Across.of(surroundings, line), ctx.part(0.0, 0.3)
     axes = _Axes(Vector(listed).metre, short_unit(listed.crs) if listed.crs else "")
+    profiled = ctx.part(0.3, 1.0)
     sections = [
         missing,
         Section("Kinds and their rules", _kind_list(coverage) if line.spans else []),
         Section("Map with numbers", _map(across, line, rules, objects, axes, near)),
-        Section("Objects, the most urgent first", _list(listed)),
+        Section("Objects, the most urgent first", _list(listed, line)),
         Section("Not sure: plants or parts of the line", _unsure_list(unsure)),
         Section("Crossing lines", _crossing_list(crossings)),
         Section("Spans", _span_list(spans)),
         Section("Points near the wires", _zone_list(spans)),
         Section("Temperature of the wires", [_rest_text(line, rest, conductor)]),
-        Section("Profiles", _profiles(across, line, rules, objects, axes, ctx.part(0.3, 1.0))),
-        Section("Distances required", _required(rules, coverage, line)),
+        Section("Profiles", _profiles(across, line, rules, objects, least, axes, profiled)),
+        Section("Distances required", _required(rules, coverage, line, Vector(listed).crs)),
         Section("States of the wires", [_wires_text(line, conductor)]),
         Section("Points that take no part", _left_out(surroundings)),
     ]
     shown = [section for section in sections if section.blocks]
-    summary = _summary(surroundings, line, rules, objects, listed, coverage, basis)
+    summary = _summary(surroundings, line, rules, objects, listed, least, low, coverage, basis)
     unseen = _unseen(surroundings, line, coverage, missing)
     unseen += _may_break(surroundings, line, rest) if line.spans else []
     head = Head(unseen=unseen)
@@ -205,7 +215,7 @@ def _unseen(
     told += [
         f"{why}: {count} points."
         for why, count in surroundings.left_out.items()
-        if count and why != OF_LINE
+        if (count or why == LOW_LISTED) and why != OF_LINE
     ]
     told += [text for block in missing.blocks for text in str(block).split("\n")[1:]]
     if line.open_spans:
@@ -226,6 +236,8 @@ def _summary(
     rules: Sequence[Rule],
     objects: Sequence[Object],
     listed: pd.DataFrame,
+    least: Least,
+    low: Sequence[str],
     coverage: Coverage,
     basis: str,
 ) -> str:
@@ -237,11 +249,13 @@ def _summary(
     falling, unruled, unsure = sum(fall), severities.count(NO_RULE), severities.count(UNSURE)
     watched = severities.count("watch") - falling
     near = [one for one, word in zip(objects, severities, strict=True) if word in BROKEN]
-    told = [_too_near(line, rules, near, coverage), _in_clumps(listed), _only_moved(listed)]
+    told = [_too_near(line, rules, near, coverage)]
+    told.append(_worst_when(line.states[near[0].state], listed.iloc[0]) if near else "")
+    told += [_in_clumps(listed), _only_moved(listed), _least_of_kinds(line, least)]
     told.append(f"Further trees that reach a wire if they fall: {falling}." if falling else "")
     told.append(f"Trees that will be too near when they have grown: {watched}." if watched else "")
     told.append(f"Objects that are near and have no rule: {unruled}." if unruled else "")
-    told.append(_like_wires(listed))
+    told += [_low(low), _like_wires(listed)]
     if unsure:
         told.append(
             f"Not sure: points near {unsure} wires hang in mid-air, and may be of the line; they "
@@ -269,6 +283,46 @@ def _too_near(
         f"worst is {worst.measure:.2f} m from a wire of span {line.span[worst.wire]} where "
         f"{rules[worst.rule].threshold:.2f} m are required: {worst.kind}."
     )
+
+
+def _worst_when(state: State, worst: pd.Series) -> str:
+    """In which state of the wires the worst is so near, and how near as surveyed; "" if it is so.
+
+    Parameters
+    ----------
+    worst : its row in the layer of objects
+    """
+    if worst["state"] == "survey":
+        return ""
+    if state.wind:
+        when = f"the wires {state.name} by {abs(state.wind):g} m/s"
+    else:
+        when = f"the conductors at {state.temperature:g} °C"
+    now = float(worst["clearance_surveyed"])
+    if not math.isfinite(now):
+        return f"That is with {when}."
+    if worst["severity_surveyed"] in BROKEN:
+        return f"That is with {when}; as surveyed it is {now:.2f} m."
+    return f"That is only with {when}; as surveyed it is {now:.2f} m."
+
+
+def _least_of_kinds(line: LineStates, least: Least) -> str:
+    """How near each kind comes, in which span and state of the wires; "" if nothing is near."""
+    told = []
+    for number, kind in enumerate(KINDS):
+        values = least.distance[:, :, number]
+        state, wire = np.unravel_index(values.argmin(), values.shape)
+        if math.isfinite(values[state, wire]):
+            moved = f", {line.states[state].name}" if state else ""
+            told.append(f"{kind} {values[state, wire]:.2f} m (span {line.span[wire]}{moved})")
+    return f"Least distances in space: {', '.join(told)}." if told else ""
+
+
+def _low(severities: Sequence[str]) -> str:
+    """How many objects are not listed only as they are too low, by severity; "" for none."""
+    words = [word for word in SEVERITIES if word in severities]
+    told = ", ".join(f"{severities.count(word)} {word}" for word in words)
+    return f"Lower than the lowest object, which else would be listed: {told}." if told else ""
 
 
 def _like_wires(listed: pd.DataFrame) -> str:
@@ -300,14 +354,16 @@ def doubt(rules: Sequence[Rule]) -> str:
     )
 
 
-def too_high(rules: Sequence[Rule], line: LineStates) -> str:
+def too_high(rules: Sequence[Rule], line: LineStates, crs: CRS | None) -> str:
     """Which required distances do not hold so far above the sea as the wires are; "" for none."""
     low = [rule for rule in rules if rule.altitude < line.highest]
     if not low:
         return ""
     altitude = min(rule.altitude for rule in low)
+    unknown = crs is None or not crs.is_compound
+    sure = ", if the heights of the data are above the sea, which is not stated" if unknown else ""
     return (
-        f"the wires reach {line.highest:.0f} m above the sea, and the distances required "
+        f"the wires reach {line.highest:.0f} m above the sea{sure}, and the distances required "
         f"({_distances(low)}) hold up to {altitude:.0f} m above the sea: the regulation asks for "
         "more higher up; give its distances there as a table of your own"
     )
@@ -327,16 +383,17 @@ def _in_clumps(listed: pd.DataFrame) -> str:
 
 def _only_moved(listed: pd.DataFrame) -> str:
     """How many objects break a rule only with the wires hot or in wind, by state; "" for none."""
-    own = listed[listed["severity"].isin(BROKEN) & ~listed["as_surveyed"].astype(bool)]
+    own = listed[listed["severity"].isin(BROKEN) & ~listed["severity_surveyed"].isin(BROKEN)]
     states = own["state"].value_counts(sort=False)
     told = ", ".join(f"{count} ({name})" for name, count in states.items())
     return f"Too near only when the wires are hot or in wind: {told}." if told else ""
 
 
-def _list(listed: pd.DataFrame) -> list[Rows | str]:
+def _list(listed: pd.DataFrame, line: LineStates) -> list[Rows | str]:
     if not len(listed):
         return ["None: nothing breaks a rule, and nothing is near without one or to be watched."]
-    some = listed[[*LISTED, "geometry"]]
+    same = SURVEYED if len(line.states) == 1 else ()
+    some = listed[[*(name for name in LISTED if name not in same), "geometry"]]
     return [_places(some, LIST_CAPTION, columns.OBJECTS, "objects")]
 
 
@@ -449,7 +506,9 @@ def _span_list(spans: Table) -> list[Rows]:
     return [Rows(table, SPAN_CAPTION, MOST_SPANS, columns.SPANS, "spans")]
 
 
-def _required(rules: Sequence[Rule], coverage: Coverage, line: LineStates) -> list[Rows | str]:
+def _required(
+    rules: Sequence[Rule], coverage: Coverage, line: LineStates, crs: CRS | None
+) -> list[Rows | str]:
     """The rules, with a place to sign where one is to be confirmed.
 
     Those in place of missing ones are told of the kinds that are near.
@@ -459,7 +518,7 @@ def _required(rules: Sequence[Rule], coverage: Coverage, line: LineStates) -> li
     told = [rule for rule in rules if rule.severity != NO_RULE or rule.kind in near]
     table = Rows(_rule_table(told), RULE_CAPTION, columns=columns.RULES)
     doubtful = [rule for rule in told if not rule.confirmed]
-    high = too_high(told, line)
+    high = too_high(told, line, crs)
     higher = [f"{high[0].upper()}{high[1:]}."] if high else []
     if not doubtful:
         return [table, *higher]
@@ -527,7 +586,7 @@ def _left_out(surroundings: Surroundings) -> list[Rows]:
     rows = [
         {"Which points": why, "Points": count}
         for why, count in surroundings.left_out.items()
-        if count
+        if count or why == LOW_LISTED
     ]
     return [Rows(Table.from_rows(rows), NO_PART_CAPTION)] if rows else []
 
@@ -686,6 +745,7 @@ def _profiles(
     line: LineStates,
     rules: Sequence[Rule],
     objects: Sequence[Object],
+    least: Least,
     axes: _Axes,
     ctx: Context,
 ) -> list[Figure | str]:
@@ -695,7 +755,7 @@ def _profiles(
     shown: list[Figure | str] = []
     for k, span in enumerate(order[:MOST_PROFILES]):
         ctx.progress(k / len(order))
-        shown.append(_profile(across, line, rules, objects, axes, span))
+        shown.append(_profile(across, line, rules, objects, least, axes, span))
     if len(order) > MOST_PROFILES:
         shown.append(f"Profiles of the {len(order) - MOST_PROFILES} other spans are not shown.")
     return shown
@@ -706,6 +766,7 @@ def _profile(
     line: LineStates,
     rules: Sequence[Rule],
     objects: Sequence[Object],
+    least: Least,
     axes: _Axes,
     span: int,
 ) -> Figure:
@@ -729,10 +790,12 @@ def _profile(
         if tower in held
     }
     spots = _spots(across, line, objects, axis, span)
+    leasts = _leasts(across, line, least, axis, own)
     shown = [
         np.column_stack([along, z]),
         *(np.column_stack([axis.along(places)[0], places[:, 2]]) for _, places in wires),
         *(place[None] for place in (*towers.values(), *(place for _, _, place in spots))),
+        *(ends for _, ends in leasts),
     ]
     first, last = _window(np.concatenate(shown))
     labels = f"along the span [{axes.unit}]", f"height [{axes.unit}]"
@@ -747,13 +810,26 @@ def _profile(
         drawing.key("curve", f"wires: {state.name}", WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
     for tower, place in towers.items():
         _draw_tower(drawing, tower, *place)
+    for _, ends in leasts:
+        drawing.curve(ends[:, 0], ends[:, 1], LEAST_COLOUR, 1.5)
+    if leasts:
+        drawing.key("curve", "least distance", LEAST_COLOUR, "")
     for _, one, place in spots:
         foot = line.curves[one.state][one.wire].points(np.array([one.u]))
         x, y = np.array([place, (axis.along(foot)[0][0], foot[0, 2])]).T
         drawing.curve(x, y, SEVERITY_COLOURS[rules[one.rule].severity], 1.0)
     _mark(drawing, rules, spots)
     sure = [one for _, one, _ in spots if rules[one.rule].severity != UNSURE]
-    told = [f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(sure)} objects."]
+    words = [rules[one.rule].severity for one in sure]
+    close = sum(word in BROKEN for word in words)
+    told = [
+        f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {close} objects too close, "
+        f"{words.count('watch')} to be watched."
+    ]
+    if NO_RULE in words:
+        told.append(f"Near without a rule: {words.count(NO_RULE)}.")
+    if leasts:
+        told.append(f"Least distances in space: {', '.join(text for text, _ in leasts)}.")
     if sure:
         told.append(f"The most urgent: {_urgency(sure[0], rules[sure[0].rule])}.")
     if len(sure) < len(spots):
@@ -763,6 +839,26 @@ def _profile(
         f"{RIGHT_BELOW:.0f} m from below a wire; {_numbered(len(spots))}."
     )
     return Figure(drawing.svg(), " ".join(told))
+
+
+def _leasts(
+    across: _Across, line: LineStates, least: Least, axis: Catenary, own: Ints
+) -> list[tuple[str, Floats]]:
+    """How near objects and the ground come to the wires of a span, and where, in a profile."""
+    found = []
+    for kinds in (range(len(OBJECTS)), [KINDS.index("ground")]):
+        values = least.distance[:, own][:, :, kinds]
+        state, wire, kind = np.unravel_index(values.argmin(), values.shape)
+        if not math.isfinite(values[state, wire, kind]):
+            continue
+        curve = line.curves[state][own[wire]]
+        point = across.surroundings.xyz[[least.point[state, own[wire], kinds[kind]]]]
+        foot = curve.points(distances(point, curve)[:, 3])
+        ends = np.concatenate([point, foot])
+        moved = f" ({line.states[state].name})" if state else ""
+        text = f"{KINDS[kinds[kind]]} {values[state, wire, kind]:.2f} m{moved}"
+        found.append((text, np.column_stack([axis.along(ends)[0], ends[:, 2]])))
+    return found
 
 
 def _window(places: Floats) -> tuple[Floats, Floats]:

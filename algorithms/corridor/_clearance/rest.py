@@ -221,6 +221,14 @@ def interval_of(
     return min([*known, inside], default=math.nan), max(known, default=math.nan)
 
 
+def clearance_as_surveyed(
+    one: Object, rule: Rule, surroundings: Surroundings, line: LineStates
+) -> float:
+    """Clearance of an object as surveyed from the wire that it is listed with; NaN for none."""
+    value = _measured(surroundings.xyz[one.points], line.curves[0][one.wire], rule)
+    return value if math.isfinite(value) else math.nan
+
+
 def _measured(points: Floats, wire: Catenary, rule: Rule) -> float:
     """Least distance of points from a wire in the direction of a rule; infinite if it has none."""
     found = np.abs(distances(points, wire))

@@ -63,6 +63,7 @@ DIRECTIONS = ("3-D", "vertical", "horizontal")
 NO_RULE = "no rule"  # of what is near and has none
 UNSURE = "not sure"  # of what may be a part of the line
 SEVERITIES = ("critical", "warning", NO_RULE, "watch", UNSURE)  # the most urgent first
+BROKEN = SEVERITIES[:2]  # of what is nearer than a rule allows
 LARGEST_THRESHOLD = 200.0  # metres that a rule may ask for
 NEXT_VOLTAGE = 0.001  # kV from the end of one row to the start of the next without a gap
 

@@ -44,6 +44,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+LOW_LISTED = "Of these, would break a rule or be near"  # said of low plants, also if none would
 OF_LINE = "Of the line (classes 13 to 16)"  # why points take no part, as those of the wires
 
 

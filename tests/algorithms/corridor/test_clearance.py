@@ -25,7 +25,7 @@ from algorithms.corridor._clearance.coverage import approach, stand_ins
 from algorithms.corridor._clearance.distances import distances, fall_in, find_violations
 from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.objects import groups, tree_tops
-from algorithms.corridor._clearance.report import _in_clumps
+from algorithms.corridor._clearance.report import _in_clumps, too_high
 from algorithms.corridor._clearance.rules import (
     KINDS,
     Rule,
@@ -172,7 +172,7 @@ def test_what_hangs_in_mid_air_on_a_wire_or_tower_is_not_sure_to_be_a_tree(
     assert listed["Objects, the most urgent first"][0].startswith("None")
     assert len(listed["Not sure: plants or parts of the line"][0].table) == 1
     assert (found["object_count"], found["critical_count"], found["unsure_count"]) == (0, 0, 1)
-    assert "0 objects. Not sure whether of the line: 1." in found["report"].html(), (
+    assert "0 to be watched. Not sure whether of the line: 1." in found["report"].html(), (
         "below its profile"
     )
     assert set(found["violations"]["severity"]) == {5}
@@ -231,7 +231,13 @@ def test_distances_that_do_not_hold_so_high_above_the_sea_are_told(
     text = "(tree 5 m) hold up to 30 m above the sea"
     assert (text in caplog.text) == told
     blocks = next(s.blocks for s in found["report"].sections if s.title == "Distances required")
-    assert any("The wires reach 52 m above the sea" in str(block) for block in blocks) == told
+    unsure = "The wires reach 52 m above the sea, if the heights of the data are above the sea, whi"
+    assert any(unsure in str(block) for block in blocks) == told
+
+
+def test_wires_are_above_the_sea_where_the_data_say_so() -> None:
+    told = too_high([rule(altitude=30.0)], line_of(layer(SLOPING)), CRS("EPSG:32635+5773"))
+    assert "the wires reach 52 m above the sea, and the distances" in told
 
 
 def test_a_swing_that_was_not_looked_for_is_empty() -> None:
@@ -319,6 +325,7 @@ def test_that_nothing_is_too_near_is_said_with_the_kinds_that_have_no_rule() -> 
         summary = run(points, falling=False, **settings)["report"].summary
         wanted = "No object is nearer to the conductors than is required; there is no rule for: "
         assert summary.startswith(wanted + told)
+        assert "Least distances in space: tree 9.00 m (span 1)." in summary
 
 
 @pytest.mark.parametrize(
@@ -790,6 +797,48 @@ def test_what_is_listed_only_with_hot_or_windy_wires_is_told_apart() -> None:
     assert "Not as surveyed" not in calm["report"].summary
 
 
+HOT = {"conductor": "Drake", "survey_temperature": 15.0, "temperature": 90.0}
+
+
+def test_what_is_less_severe_as_surveyed_says_so() -> None:
+    """Trees that broke a rule with hot wires alone were "listed also as surveyed", as watched."""
+    low = float(LEVEL.height(np.array(150.0)))
+    points = cloud(blob(150, 0, low - 6.0), 5)
+    found = run(points, distance=5.0, growth=2.0, falling=False, **HOT)
+    (one,) = found["objects"].frame.to_dict("records")
+    assert (one["severity"], one["state"]) == ("critical", "90 C")
+    assert (one["severity_surveyed"], one["as_surveyed"]) == ("watch", False)
+    assert one["clearance_surveyed"] == pytest.approx(6.0, abs=0.01)
+    assert not found["violations"]["as_surveyed"].any()
+    summary = found["report"].summary
+    assert "That is only with the conductors at 90 °C; as surveyed it is 6.00 m." in summary
+    assert "Too near only when the wires are hot or in wind: 1 (90 C)." in summary
+    page = found["report"].html()
+    assert "Severity as surveyed" in page
+    assert "Severity as surveyed" not in run(points, distance=7.0, falling=False)["report"].html()
+
+
+def test_what_breaks_a_rule_also_as_surveyed_is_not_told_to_do_so_only_when_hot() -> None:
+    """Critical when hot, and a warning as surveyed."""
+    low = float(LEVEL.height(np.array(150.0)))
+    table = Table(pd.DataFrame([row(), row(id="w", threshold=7.0, severity="warning")]))
+    found = run(cloud(blob(150, 0, low - 6.0), 5), rule_table=table, falling=False, **HOT)
+    (one,) = found["objects"].frame.to_dict("records")
+    assert (one["severity_surveyed"], one["as_surveyed"]) == ("warning", False)
+    summary = found["report"].summary
+    assert "That is with the conductors at 90 °C; as surveyed it is 6.00 m." in summary
+    assert "Too near only when" not in summary
+
+
+def test_the_worst_in_wind_is_told_with_the_wind() -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    points = cloud(blob(150, 6.0, low + 1.0), 5)
+    calm = {"conductor": "Drake", "survey_temperature": 15.0}
+    summary = run(points, distance=5.0, falling=False, wind=20.0, **calm)["report"].summary
+    assert "That is only with the wires blown left by 20 m/s; as surveyed it is 6.0" in summary
+    assert "That is" not in run(points, distance=7.0, falling=False)["report"].summary
+
+
 def test_a_tree_that_falls_on_hot_wires_alone_is_told_apart() -> None:
     ground = flat()
     away = float(LEVEL.height(np.array(150.0)))
@@ -847,7 +896,7 @@ def test_severities_are_counted_apart() -> None:
     tall = [*blob(150, 15, 34.0), *blob(60, -16, 15.0), *blob(200, 1.0, 18.0)]
     result = run(cloud([*tall, *ground], [5] * 15 + [2] * len(ground)), distance=5.0)
     counts = [result[f"{word}_count"] for word in ("object", "critical", "warning", "watch")]
-    assert counts == [2, 1, 0, 1]
+    assert counts == [1, 1, 0, 1]
 
 
 def test_trees_of_one_clump_carry_its_number() -> None:
@@ -1382,7 +1431,7 @@ def test_the_page_shows_a_long_line_in_sheets_and_every_span() -> None:
     ]
     assert len(blocks["Profiles"]) == 12
     assert blocks["Profiles"][0].caption.startswith(
-        "Span 11, 300 m, 1 wires, 1 objects; the most urgent: 0."
+        "Span 11, 300 m, 1 wires, 1 objects too close, 0 to be watched."
     )
 
 
@@ -1437,6 +1486,11 @@ def test_counts_of_kinds_are_those_of_the_summary() -> None:
     kinds = found["report"].sections[0].blocks[0].table.frame.set_index("kind")
     assert kinds.loc["tree", ["too close", "watched"]].tolist() == [1, 1]
     assert (found["critical_count"], found["watch_count"]) == (1, 1)
+    assert found["object_count"] == 1, "too close, as in the summary"
+    (spans,) = found["spans"].frame.to_dict("records")
+    assert (spans["objects"], spans["watched"]) == (1, 1)
+    (figure,) = next(s.blocks for s in found["report"].sections if s.title == "Profiles")
+    assert "1 objects too close, 1 to be watched" in figure.caption
 
 
 def test_the_temperature_of_a_state_is_told_to_be_that_of_the_conductors() -> None:

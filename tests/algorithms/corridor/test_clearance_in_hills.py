@@ -519,6 +519,8 @@ def test_grass_is_no_object_and_what_is_left_out_is_told() -> None:
         }
         found = toolbox.run("corridor.clearance", values)
         assert (found["object_count"], found["low_object_count"]) == (1, 3)
+        low = "Lower than the lowest object, which else would be listed: 3 critical."
+        assert low in found["report"].summary
         assert found["points_0_20"] == 6
         unseen = found["report"].head.unseen
         setting = 'the setting "Lowest object"'
@@ -541,6 +543,17 @@ def test_the_part_of_a_tree_below_the_least_height_is_no_object_left_out() -> No
          "falling": False, "distance": 20.0},
     )  # fmt: skip
     assert (found["object_count"], found["low_object_count"]) == (1, 0)
+
+
+def test_that_low_plants_break_no_rule_is_said() -> None:
+    """That 77,609 points were left out stood alone, and nobody knew whether one mattered."""
+    hill = Hill(0.6, 0.0)
+    grass = hill.stand(np.array([[120.0, 14.0]]), 0.5)
+    points = cloud(hill, (grass, TREE, 0.5))
+    values = {"points": points, "wires": wires_of(line_on(hill), TOWERS), "falling": False}
+    found = toolbox.run("corridor.clearance", {**values, "distance": 1.0})
+    assert "Of these, would break a rule or be near: 0 points." in found["report"].head.unseen
+    assert "lowest object" not in found["report"].summary
 
 
 def test_sun_and_heat_of_the_example_of_ieee_738() -> None:

@@ -75,7 +75,7 @@ COUNTS += [guessed("{1}")]
 COUNTS += [f"{{1}}, {limit}" for limit in LIMITS.values()]
 COUNTS += ["place of about {1} m2 at {2},{3}"]
 COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]
-SHORT = ["no rule", "as surveyed", "below a wire", "not given", "near a wire"]
+SHORT = ["no rule", "as surveyed", "below a wire", "least distance", "not given", "near a wire"]
 SHORT += ["written with", "made from"]  # in the record of a run
 SHORT += ["given distance"]  # a rule
 SHORT += ["the ground", "other objects", "another line"]

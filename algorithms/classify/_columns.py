@@ -26,6 +26,15 @@ PARTS = {"id": Column("Part"), "building": Column("Building")} | {
     for name in ("area", "points", "ground", "eave", "ridge", "mean", "height", "form", "cut")
 }
 PARTS |= {"building_height": Column("Height of the building", "unit", 1)}
+REFUSED = {
+    "id": Column("Region"),
+    "area": Column("Area", "unit²", 1),
+    "points": Column("Points"),
+    "ground": Column("Elevation of the ground", "unit", 2),
+    "top": Column("Elevation of the highest point", "unit", 2),
+    "height": Column("Height", "unit", 1),
+    "cut": Column("Cut by the edge of the data"),
+}
 TREES = {
     "id": Column("Tree"),
     "height": Column("Height", "unit", 1),

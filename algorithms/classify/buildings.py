@@ -30,11 +30,12 @@ from algorithms.classify import _buildings_kernels as kernels
 from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
-from algorithms.classify._crowns import crowns
+from algorithms.classify._crowns import CLOSED, crowns
 from algorithms.classify._density import Lengths
-from algorithms.classify._evidence import FOOT, LET_THROUGH, solid
+from algorithms.classify._evidence import FOOT, solid
 from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
 from algorithms.classify._parts import levels, tiles
+from algorithms.classify._refused import refused_in_words, steep_regions, warn_of_lost
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._squared import main_direction, squared
 from algorithms.classify._vehicles import SEEN, ground_seen, large_vehicles
@@ -60,7 +61,6 @@ PER_POINT = 100  # how much longer than others a point takes in which planes are
 TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
 SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
 SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
-CLOSED = LET_THROUGH / 2  # share of pulses that go through edges on a roof; more through trees
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 
 Floats = NDArray[np.float64]
@@ -97,8 +97,10 @@ class ClassifyBuildings:
 
     What is as narrow and low as vehicles and stands free is a bus, a tram, a lorry or a container.
     What has ground in between hides none, and is no roof; nor is what is steep, with a third of its
-    points on no plane, as crowns of conifers. What meets ground at roof level at two ends is a
-    bridge. All these are left out.
+    points on no plane, as crowns of conifers, unless it has walls: points down to its foot, though
+    hardly a pulse went on. Such regions are the layer `refused`. What meets ground at roof level at
+    two ends is a bridge. All these are left out. Where `given`, the same points, has buildings, of
+    `smallest` or more, and none is now, that is told with the place.
 
     Outlines are `squared`: straight walls, at right angles where they nearly are; or `alpha`, as
     the points have it. Both lie where edges of roofs are on average when points lie inside. Maps
@@ -131,6 +133,11 @@ class ClassifyBuildings:
     """
 
     points: PointCloud = source("Points with classified ground")
+    given: PointCloud | None = source(
+        "The same points with the classes of the file: buildings that are none now are told",
+        default=None,
+        label="Points with the classes of the file",
+    )
     min_height: float = param(
         "Lowest roof above ground", default=2.0, unit="m", gt=0, le=20, label="Lowest roof"
     )
@@ -187,6 +194,12 @@ class ClassifyBuildings:
             columns=columns.PARTS,
             also=(".city.json",),
         )
+        refused: Vector = sink(
+            "Regions that look like roofs, but are steep and torn as crowns of conifers",
+            show=show.OfClass(5),
+            label="Steep regions that are no buildings",
+            columns=columns.REFUSED,
+        )
         building_share: float = sink("Share of points that became building", unit="1")
 
         def in_words(self) -> str:
@@ -212,6 +225,8 @@ class ClassifyBuildings:
                     f"{len(self.outlines)}; their area, height and form are of the part that was "
                     "seen (column cut)."
                 )
+            if len(self.refused):
+                yield refused_in_words(self.refused)
             yield (
                 "Containers side by side or in stacks look like flat roofs, and may be among the "
                 "buildings; glass lets pulses through, and greenhouses may be missing."
@@ -230,6 +245,8 @@ class ClassifyBuildings:
         """The points have a classification."""
         if "classification" not in self.points:
             yield "points", f"{self.points.name} has no classification; classify ground first"
+        if self.given is not None and len(self.given) != len(self.points):
+            yield "given", f"must be the {len(self.points)} points of points, got {len(self.given)}"
 
     def halo(self) -> float:
         """Distance beyond which points change no class; outlines twice as long may be cut."""
@@ -240,13 +257,13 @@ class ClassifyBuildings:
         cloud, metre = self.points, self.points.metre
         part = taking_part(cloud, self.ignore, among(self.keep_classes, NAMED_STRUCTURES))
         if not len(cloud):
-            return self._packed(part, part, [], [])
+            return self._packed(part, part, [], [], [])
         given = self.radius, self.context, self.alpha
         lengths = Lengths.of(cloud, self.flat, *given, ctx=ctx)
         features = self._features(part, lengths, ctx.part(0.0, 0.55))
         roof = self._roof(features, lengths, ctx.part(0.55, 0.6))
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))
-        shapes = self._buildings(features, planes, lengths, ctx.part(0.65, 0.75))
+        shapes, trees = self._buildings(features, planes, lengths, ctx.part(0.65, 0.75))
         joined = self._regions(features, roof, lengths, ctx.part(0.75, 0.85))
         shapes, rough = without_holes(shapes, features, self.min_height)
         roof |= rough
@@ -257,7 +274,10 @@ class ClassifyBuildings:
         ctx.progress(0.9)
         rows, parts = self._rows(features, planes, shapes, lengths, ctx.part(0.9, 1.0))
         ctx.progress(1.0)
-        return self._packed(found, part, rows, parts)
+        result = self._packed(found, part, rows, parts, steep_regions(trees, features, lengths))
+        if self.given is not None:
+            warn_of_lost(self.given, result.classified, self.smallest, lengths)
+        return result
 
     def _features(self, part: Mask, lengths: Lengths, ctx: Context) -> _evidence.PointFeatures:
         """The points that take part, with their features."""
@@ -265,7 +285,7 @@ class ClassifyBuildings:
         if not np.isin(cloud["classification"], self.ground_classes).any():
             raise NothingToDo(
                 f"points: none is of class {self.ground_classes}; classify ground first",
-                instead=self._packed(np.zeros(len(part), bool), part, [], []),
+                instead=self._packed(np.zeros(len(part), bool), part, [], [], []),
             )
         features = _evidence.PointFeatures(
             cloud,
@@ -311,8 +331,8 @@ class ClassifyBuildings:
 
     def _buildings(
         self, features: _evidence.PointFeatures, planes: Mask, lengths: Lengths, ctx: Context
-    ) -> Shapes:
-        """Polygons around the planes of roofs of an allowed size, without bridges."""
+    ) -> tuple[Shapes, Shapes]:
+        """Polygons around the planes of roofs of an allowed size, and of crowns like them."""
         shapes = self._regions(features, planes, lengths, ctx)
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
@@ -327,7 +347,7 @@ class ClassifyBuildings:
                 "%d regions are steep and torn, as crowns of conifers: no roofs",
                 np.count_nonzero(trees),
             )
-        return shapes[~trees]
+        return shapes[~trees], shapes[trees]
 
     def _rows(
         self,
@@ -420,7 +440,7 @@ class ClassifyBuildings:
         return [(part.shape, inside[part.own]) for part in found]
 
     def _packed(
-        self, found: Mask, part: Mask, rows: Rows, parts: Rows
+        self, found: Mask, part: Mask, rows: Rows, parts: Rows, refused: Rows
     ) -> ClassifyBuildings.Outputs:
         cloud = self.points
         old = cloud["classification"]
@@ -431,6 +451,7 @@ class ClassifyBuildings:
             classified=cloud.with_attributes({"classification": classes}),
             outlines=self._layer(rows, columns.BUILDINGS),
             parts=self._layer(parts, columns.PARTS),
+            refused=self._layer(refused, columns.REFUSED),
             building_share=Share.of_points(free & found, cloud.core),
         )
 

@@ -127,8 +127,62 @@ def conifers(density: float = 5.0, seed: int = 0) -> PointCloud:
 
 def test_crowns_of_conifers_are_no_roofs(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
-    assert len(ClassifyBuildings(points=conifers()).run().outlines) == 0
+    out = ClassifyBuildings(points=conifers()).run()
+    assert len(out.outlines) == 0
     assert "as crowns of conifers" in caplog.text
+    assert len(out.refused) > 3
+    rows = out.refused.frame
+    assert rows["height"].between(5, 22).all()
+    assert (rows["area"] >= 10).all()
+    said = next(out.not_looked_at())
+    assert said.startswith("Regions that look like roofs, but are steep and torn")
+    top = rows.sort_values("height").iloc[-1]
+    place = top.geometry.representative_point()
+    assert f"{len(rows)}, {rows['area'].sum():.0f} m² in all; the highest at {place.x:.1f}," in said
+
+
+def test_a_gatehouse_with_spires_has_walls() -> None:
+    """Steep and torn, but pulses reach the foot of its walls without going through it."""
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 60, (2, 8 * 3600))
+    away = np.hypot(x - 30, y - 30)
+    spire = away < 5
+    z = np.where(spire, 8 + 3 * (5 - away), 0) + rng.normal(0, np.where(spire, 0.2, 0.02))
+    turn, up = rng.uniform(0, 2 * np.pi, 900), rng.uniform(0, 8, 900)
+    wide = 4.9 + rng.normal(0, 0.15, 900)
+    walls = np.column_stack([30 + wide * np.cos(turn), 30 + wide * np.sin(turn), up])
+    xyz = np.vstack([np.column_stack([x, y, z]), walls]) + np.array([500_000, 4_600_000, 100])
+    count = np.ones(len(xyz), np.uint8)
+    count[:200] = 2  # pulses have several returns somewhere
+    attributes = {
+        "classification": np.where(np.r_[spire, np.ones(900, bool)], 1, 2).astype(np.uint8),
+        "return_number": np.ones(len(xyz), np.uint8),
+        "number_of_returns": count,
+    }
+    out = ClassifyBuildings(points=PointCloud(xyz, attributes, crs=UTM), flat=0.1).run()
+    assert len(out.refused) == 0
+    assert len(out.outlines) == 1
+
+
+def test_buildings_of_the_file_that_are_none_now_are_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    points = village()
+    tree = (points["truth"] == 5).astype(bool)
+    given = points.with_attributes({"classification": np.where(tree, 6, 2).astype(np.uint8)})
+    ClassifyBuildings(points=points, given=given).run()
+    assert "points that the file calls building are none now: " in caplog.text
+    text = caplog.text.partition("the largest at ")[2]
+    place, area = text.partition(" (")[0], float(text.partition(" (")[2].partition(" m2")[0])
+    east, north = map(float, place.split(","))
+    assert np.hypot(east - 500_042, north - 4_600_027) < 2
+    assert area == pytest.approx(78, rel=0.15)
+    caplog.clear()
+    true = points.with_attributes({"classification": np.minimum(points["truth"], 6)})
+    ClassifyBuildings(points=points, given=true).run()
+    assert "none now" not in caplog.text
+    with pytest.raises(DataError, match="given"):
+        ClassifyBuildings(points=points, given=given.select(tree)).run()
 
 
 def test_a_steep_roof_is_no_crown() -> None:
@@ -140,17 +194,32 @@ def test_a_steep_roof_is_no_crown() -> None:
     ("sides", "degrees", "torn", "crown"),
     [(0.3, 55, 0.4, True), (0.2, 55, 0.4, False), (1, 45, 0.4, False), (1, 55, 0.3, False)],
 )
-def test_a_crown_is_steep_and_torn(sides: float, degrees: float, torn: float, crown: bool) -> None:
+@pytest.mark.parametrize(
+    ("low", "through", "walls"), [(0.05, 0.1, False), (0.15, 0.15, False), (0.15, 0.1, True)]
+)
+def test_a_crown_is_steep_and_torn_and_has_no_walls(
+    *,
+    sides: float,
+    degrees: float,
+    torn: float,
+    crown: bool,
+    low: float,
+    through: float,
+    walls: bool,
+) -> None:
     cloud = village().select(np.arange(1000))
     features = PointFeatures(cloud, 1.5, 4.0, ground_classes=(2,))
     planes = np.arange(1000) < 1000 * (1 - torn)
     upright = np.where(np.arange(1000) < sides * planes.sum(), np.cos(np.radians(degrees)), 1)
     normals = np.column_stack([np.zeros((1000, 2)), upright])
     vars(features).update(
-        planes=(np.zeros(1000), normals), terrain=(np.zeros(1000, bool), np.full(1000, 9.0))
+        planes=(np.zeros(1000), normals),
+        terrain=(np.zeros(1000, bool), np.where(np.arange(1000) < 1000 * low, 2.0, 9.0)),
+        let_through=np.arange(1000) < 1000 * through,
+        has_several_returns=True,
     )
     whole = np.array([shapely.box(499_000, 4_599_000, 501_000, 4_601_000)])
-    assert crowns(whole, features, planes).tolist() == [crown]
+    assert crowns(whole, features, planes).tolist() == [crown and not walls]
 
 
 def roofed(cloud: PointCloud, height: Callable[..., Floats]) -> ClassifyBuildings.Outputs:

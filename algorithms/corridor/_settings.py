@@ -342,6 +342,9 @@ class Arcs:
     least_kink: float = built(
         0.03, "1", "share of the bend between two level spans, of a support that shows no arm"
     )
+    kink_spread: float = built(
+        0.4, "1", "standard deviation of the bends at supports, as shares of that"
+    )
     least_arm_share: float = tried(
         0.75, "1", "share of the price of a cut, above which no arm is seen"
     )

@@ -274,8 +274,8 @@ def usual_bend(bins: Binned) -> float:
 def edges_of(bins: Binned, bend: float, arms: Floats, poles: Floats) -> Ints:
     """The edges of bins at which a line is cut into arcs of about one curvature, with both ends.
 
-    A pole makes a cut cheaper, as an arm does; but the trunk of a tree may look like one, so the
-    wires must bend there as well.
+    An arm and a pole make a cut cheaper; but a tree may look like either, so wires that surely do
+    not bend there are not cut.
     """
     wires = maximum_filter1d(
         tracks_at(bins), 2 * round(SETTINGS.arcs.shortest_span / bins.step) + 1
@@ -345,23 +345,45 @@ def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats)
 
 
 def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_]) -> Ints:
-    """The edges of bins at which the wires bend as they do at supports, up or down, or not `bare`.
+    """The edges of bins at which the wires bend as they do at supports, up or down.
 
-    In a long span with many points it is significant how wires wander, and a cut would mend it; but
-    there they do not bend.
+    In a long span with many points it is significant how wires wander, and a cut would mend it; and
+    the top of a tree among wires looks like an arm, its trunk like a pole. But there they do not
+    bend: no bend at all is a hundred times as likely as one between two spans, or, where it is
+    `bare` of what looks like a support, they hardly do.
     """
+    least, enough = SETTINGS.arcs.least_kink, -math.log(SETTINGS.sparse.false_alarms)
     while len(edges) > 2:
-        kinks = [kink(bins, *three, bend) for three in threes(edges)]
-        bends = np.where(bare[edges[1:-1]], np.abs(kinks), math.inf)
+        kinks, sigmas = np.array([kink(bins, *three, bend) for three in threes(edges)]).T
+        straight = np.maximum(straightness(kinks, sigmas), 1e-9)
+        bends = enough / straight
+        bends = np.where(bare[edges[1:-1]], np.minimum(bends, np.abs(kinks) / least), bends)
         worst = int(np.argmin(bends))
-        if bends[worst] >= SETTINGS.arcs.least_kink:
+        if bends[worst] >= 1:
             break
         edges = np.delete(edges, worst + 1)
     return edges
 
 
-def kink(bins: Binned, low: int, at: int, high: int, bend: float) -> float:
-    """By how much wires bend down at a cut, as a share of what level spans would; inf if unknown.
+def straightness(kinks: Floats, sigmas: Floats) -> Floats:
+    """Logarithm of how much likelier kinks are where there is no support than where one is.
+
+    By normal laws: around none, and around that between two level spans.
+
+    Parameters
+    ----------
+    kinks, sigmas : as shares of that between two level spans, and their standard deviations
+    """
+    wide = np.hypot(sigmas, SETTINGS.arcs.kink_spread)
+    with np.errstate(invalid="ignore"):  # of kinks that are not known
+        found = np.log(wide / sigmas) + (((kinks - 1) / wide) ** 2 - (kinks / sigmas) ** 2) / 2
+    return np.asarray(np.nan_to_num(found, nan=0.0))
+
+
+def kink(bins: Binned, low: int, at: int, high: int, bend: float) -> tuple[float, float]:
+    """By how much wires bend down at a cut, as a share of what level spans would, and its sigma.
+
+    Both are infinite if it is not known.
 
     Between level supports a wire of curvature k leaves a span of length L with a slope of k L / 2.
     """
@@ -382,7 +404,9 @@ def kink(bins: Binned, low: int, at: int, high: int, bend: float) -> float:
             total += weight * (before[0][1] - after[0][1])
             weights += weight
     level = 0.5 * bend * (high - low) * bins.step
-    return total / weights / level if weights else math.inf
+    if not weights:
+        return math.inf, math.inf
+    return total / weights / level, 1 / math.sqrt(weights) / level
 
 
 def tracks_at(bins: Binned) -> Floats:

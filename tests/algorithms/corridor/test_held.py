@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 from scenes.corridors import Floats, bar, cloud, ground, line, wire
+from scipy.spatial import cKDTree
 
 from algorithms.corridor._curves.arcs import cuts_of, is_certain
-from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.structures import is_row_of_mesh
 from algorithms.corridor._curves.trace import Airborne
@@ -382,15 +384,51 @@ def test_a_track_tells_of_supports_by_the_noise_of_surveys_at_a_smaller_toleranc
 
 
 def test_wires_are_cut_at_a_support_that_is_known() -> None:
-    """At 60 m they do not bend."""
-    track = wire((0, 0, 9), (120, 0, 9), 700)
-    corridor = corridor_of(track[1])
-    alignment = Alignment.of([Piece(np.arange(len(track[1])), track[0])])
+    """At 60 m they bend by a 25th of what they do between level spans: too little to tell."""
+    level = float(Catenary(0, 0, 1, 0, 120, 9, 9, 1 / 700).height(np.array(60.0)))
+    middle = level + 0.05 * (9 - level)
+    track = np.vstack(
+        [wire((0, 0, 9), (60, 0, middle), 700)[1], wire((60, 0, middle), (120, 0, 9), 700)[1]]
+    )
+    curve = fit(track)
+    assert curve is not None
+    corridor = corridor_of(track)
+    alignment = Alignment.of([Piece(np.arange(len(track)), curve)])
     assert not len(cuts_of(corridor, alignment)[0])
     for aside, cuts in ((0.5, [60.0]), (6.0, [])):
         known = replace(corridor, arms=np.array([[(60.0, aside - 1), (60.0, aside + 1)]]))
         found = alignment.places(cuts_of(known, alignment)[0])
         np.testing.assert_allclose(found[:, 0], cuts, atol=SETTINGS.arcs.arm_half_width)
+
+
+@pytest.mark.parametrize(("middle", "found"), [(9.0, True), (None, False)])
+def test_an_arm_at_which_the_wires_do_not_bend_is_the_top_of_a_tree(
+    middle: float | None, found: bool
+) -> None:
+    """Two wires from 0 to 120 m, or held at 60 m as well, where points reach across the line."""
+    ends = [0.0, 120.0] if middle is None else [0.0, 60.0, 120.0]
+    height = {0.0: 9.0, 60.0: middle, 120.0: 9.0}
+    tracks = [
+        np.vstack(
+            [
+                wire((a, y, height[a]), (b, y, height[b]), 700, seed=int(a) + k)[1]
+                for a, b in itertools.pairwise(ends)
+            ]
+        )
+        for k, y in enumerate((-1.0, 1.0))
+    ]
+    top = 9.0 if middle else float(Catenary(0, 0, 1, 0, 120, 9, 9, 1 / 700).height(np.array(60.0)))
+    corridor = corridor_of(*tracks, bar((60, -1.2, top), (60, 1.2, top), 20, 0.05))
+    pieces = []
+    for track in tracks:
+        points = np.flatnonzero(cKDTree(track).query(corridor.wires.xyz)[0] == 0)
+        curve = fit(track)
+        assert curve is not None
+        pieces.append(Piece(points, curve))
+    alignment = Alignment.of(pieces)
+    cuts = alignment.places(cuts_of(corridor, alignment)[0])[:, 0]
+    assert (np.abs(cuts - 60.0) < 1.0).any() == found
+    assert found or not len(cuts)
 
 
 def test_braces_of_a_support_are_no_mesh_that_its_wires_are_in() -> None:

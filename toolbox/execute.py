@@ -169,7 +169,9 @@ class _Asked:
         reads, writes = sources.of_run(given, spec), delivery.of_run(wanted, spec)
         whole = spec
         if isinstance(spec, Model):
-            given = {**(spec.handed if delivery.is_asked(writes) else {}), **given}
+            handed = spec.handed if delivery.is_asked(writes) else {}
+            told.of_set = frozenset(handed.keys() - given.keys())
+            given = {**handed, **given}
             spec = spec.wanting(target.output for target in writes.values())
         settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
         delivery.tell_missing(writes)

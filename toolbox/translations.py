@@ -52,6 +52,7 @@ PROBLEMS = ("{1}: 1 problem", "{1}: {2} problems")  # heads of errors
 HEADS = [
     "Coordinates",
     "Given by hand",
+    "Defaults used",
     "Made with",
     "Map",
     "Files",

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.parameters import NAMED_STRUCTURES, SURFACES
+from algorithms.shared.parameters import DUTCH_STRUCTURES, NAMED_STRUCTURES, SURFACES
 from algorithms.shared.returns import ReturnNumbers, let_through, warn_of_missing
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud
@@ -187,6 +187,7 @@ class Candidates:
         classes = np.where(ground, GROUND, OTHER)
         classes = np.where(kept | ~self.part, old, classes).astype(np.uint8, copy=False)
         self._tell_lost(old, classes)
+        self._tell_built(old, classes)
         return cloud.with_attributes({"classification": classes})
 
     def _tell_lost(self, old: NDArray[Any], new: NDArray[np.uint8]) -> None:
@@ -200,6 +201,27 @@ class Candidates:
                 "points of class %s become 2 on the ground and 1 elsewhere%s",
                 ", ".join(named),
                 f", unless they are named by {setting}" if setting else "",
+            )
+
+    def _tell_built(self, old: NDArray[Any], new: NDArray[np.uint8]) -> None:
+        """Say whether points of class 26 are ground: no standard names it, but Dutch surveys do."""
+        built = (old == DUTCH_STRUCTURES) & self.cloud.core
+        setting = setting_name("keep_classes")
+        if kept := np.count_nonzero(built & (new == DUTCH_STRUCTURES)):
+            log.warning(
+                "points: %d points keep class 26 and are no ground, as bridges, quays and other "
+                "structures of Dutch surveys: the terrain is that beside and below them%s",
+                kept,
+                f"; where 26 means something else, {setting} without it lets them be ground"
+                if setting
+                else "",
+            )
+        if lost := np.count_nonzero(built & (new == GROUND)):
+            log.warning(
+                "points: %d points of class 26 become ground: in Dutch surveys they are bridges, "
+                "quays and other structures, which then stand in the terrain%s",
+                lost,
+                f"; {setting} with 26 among the others keeps them" if setting else "",
             )
 
     def ground(self, classified: PointCloud, found: Mask) -> PointCloud:

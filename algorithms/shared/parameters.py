@@ -20,7 +20,10 @@ SURFACES = ClassList([9, 10, 11])
 STRUCTURES = ClassList([*range(13, 18), 19])
 """Classes of what stands on the ground or spans it: wires, towers, bridges, other structures."""
 
-NAMED_STRUCTURES = ClassList([*STRUCTURES, 26])
+DUTCH_STRUCTURES = 26
+"""Class of structures (kunstwerk) in the Dutch AHN, which the standard leaves open."""
+
+NAMED_STRUCTURES = ClassList([*STRUCTURES, DUTCH_STRUCTURES])
 """The same where they are named: 26 is reserved, and a bridge, lock or quay in the Dutch AHN."""
 
 WIRE_GAP = 60.0

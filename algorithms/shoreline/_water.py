@@ -70,6 +70,7 @@ ABRUPT = 0.75  # of a step from water to a level place: height of the cells besi
 STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
 SURROUNDED = 0.25  # share of the rim of a water without a shore that has points
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
+APART = BESIDE + NARROW  # cells: no water that could be told lies between two so close
 NEEDED = 100  # points of land that a water covers; of smaller ones most were lost
 FEWEST_POINTS = 50  # that tell water from land: as many as the smallest body would hold on land
 LISTED = 10  # bodies that are told of one by one
@@ -377,10 +378,11 @@ def _tell_steps(cells: CellGrid, found: Sequence[Water]) -> None:
     steps = sorted(_steps(cells, found), key=lambda one: -one.height)
     if steps:
         log.warning(
-            "points: waters at different levels meet, or nearly, in %d places: rapids, a weir, a "
-            "lock, a dam or a dike. A terrain with level water has steps there: %s",
+            "points: waters at different levels meet, or come within %.1f m, in %d places: rapids, "
+            "a weir, a lock, a dam or a dike. A terrain with level water has steps there: %s",
+            APART * cells.lattice.cell / cells.metre,
             len(steps),
-            some_of([_step(cells, one) for one in steps]),
+            "; ".join(_step(cells, one) for one in steps),
         )
 
 
@@ -403,12 +405,12 @@ def _step(cells: CellGrid, step: _Step) -> str:
 
 
 def _steps(cells: CellGrid, found: Sequence[Water]) -> Iterator[_Step]:
-    """Pairs of waters that meet, where their surfaces differ by what is told of flights."""
+    """Pairs of waters that nearly meet, where surfaces differ by what is told of flights."""
     of = np.full(cells.low.size, -1)
     for k, water in enumerate(found):
         of[water.body.cells] = k
     for k, water in enumerate(found):
-        beside = around(cells.lattice, water.body.cells, BESIDE)
+        beside = around(cells.lattice, water.body.cells, APART)
         for other in np.unique(of[beside[of[beside] > k]]):
             x, y = _centre(cells, beside[of[beside] == other])
             one, two = (float(w.level.at(np.array([[x, y]]))[0]) for w in (water, found[other]))

@@ -48,6 +48,8 @@ DISTANCE = "distance to the nearest point"  # description of a band, as surface.
 FAR = 3.0
 FALL = 0.3  # metres that water must fall behind a rim: roughness of ground is no rim
 INTERVAL = "level_interval"  # column of a lake, half of the 95 % interval of its level
+# Standard error of heights, metres, that models take if none is given: what the Dutch AHN allows.
+ASSUMED = 0.05
 ERROR = "area_error"  # column of a lake, standard error of its area in square metres
 
 
@@ -98,9 +100,9 @@ class ShorelineStorageCurve:
     With `height_error`, a standard error that all heights have in common, as that of a level or of
     a survey, the table has the limits between which area and volume lie with 95 %: the figures of
     water that much lower and higher, and for a `lake` with its level_interval those of the level
-    from which its volumes count. Errors of single heights cancel out beside it. Not in the
-    limits are the spacing of points, plants taken for ground, ground under water, and an error of
-    the survey's heights that was not given.
+    from which its volumes count; the first volume, none at that level, has none. Errors of single
+    heights cancel out beside it. Not in the limits are the spacing of points, plants taken for
+    ground, ground under water, and an error of the survey's heights that was not given.
 
     The table has the level in the unit of the heights, and in metres; areas and volumes are in
     square and cubic metres. Gains are those from the level before; the first level of a lake, which
@@ -202,6 +204,11 @@ class ShorelineStorageCurve:
             unit="m",
             label="Uncertainty of the level",
         )
+        common_interval: float | None = sink(
+            "Half of the 95 % interval of all heights by the error that they have in common",
+            unit="m",
+            label="Common error of heights (95 %)",
+        )
         spill: float | None = sink(
             "Level at which the lake runs over its rim; none if never",
             unit="m",
@@ -244,7 +251,37 @@ class ShorelineStorageCurve:
                     f" With the error that all heights have in common the level of the survey is "
                     f"known to ± {self.level_uncertainty:.3f} m (95 %)."
                 )
-            return words if self.spill is None else f"{words} {self._runs_over()}"
+            if self.spill is not None:
+                words += f" {self._runs_over()}"
+            return " ".join([words, *self._limits_in_words()])
+
+        def _limits_in_words(self) -> Iterator[str]:
+            """What the limits of the curve hold and leave out, and what the rim has of that."""
+            if self.common_interval is None:
+                return
+            error = self.common_interval / NINETY_FIVE
+            held = f"an error that all heights have in common (standard error {error:.3g} m)"
+            if OVERTOPPED in self.curve.frame:
+                held += ", where the shore may lie, and how well the level of the survey is known"
+            yield (
+                f"The limits (95 %) of areas and volumes hold {held}; they leave out ground that "
+                "plants hide, gaps between points, what lies beyond the data, and all depth below "
+                "the water of the survey."
+            )
+            yield (
+                "They are for a level that a gauge tells: the common error moves the ground and "
+                "the rim alike, so that it does not change what fits below the rim itself."
+            )
+            if self.spill is not None:
+                yield (
+                    f"The level of the rim is known to ± {self.common_interval:.3f} m (95 %) by "
+                    "the common error alone; that of the ground points there comes on top."
+                )
+            if math.isclose(error, ASSUMED):
+                yield (
+                    f"That error, {error:.3g} m, is an assumption unless it was given for this "
+                    "survey: it is what the Dutch AHN allows."
+                )
 
         def _runs_over(self) -> str:
             """Level and place of the spill, or where a rim that is seen in part is lowest."""
@@ -351,6 +388,7 @@ class ShorelineStorageCurve:
             area=float(area[-1]),
             volume=float(volume[-1]),
             level_uncertainty=self._level_uncertainty(),
+            common_interval=NINETY_FIVE * self.height_error if self.height_error else None,
             spill=spill if math.isfinite(spill) else None,
             spill_point=place,
             missing_share=basin.missing,
@@ -614,9 +652,11 @@ def with_rim(made: Table, overtopped: NDArray[np.bool_]) -> Table:
     """A storage curve with a column that marks the levels above the rim of the lake.
 
     At its first level, that of the survey, nothing was gained yet: its area was there before.
+    Volumes count from there, so the first one is none by definition, and has no limits.
     """
     frame = made.frame
-    frame.loc[0, ["area_gain_m2", "volume_gain_m3"]] = np.nan
+    counted = ["area_gain_m2", "volume_gain_m3", "volume_low_m3", "volume_high_m3"]
+    frame.loc[0, frame.columns.intersection(counted)] = np.nan
     frame.insert(frame.columns.tolist().index("open") + 1, OVERTOPPED, overtopped)
     return Table(frame)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from toolbox import __version__, language
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from toolbox.runs.provenance import Record
 
 _ALWAYS = ("cell", "interval", "height_error", "rules", "voltage")
-"""Settings that are told also at their defaults."""
+"""Settings that are told also at their defaults, apart from those that were given."""
 
 _INSTEAD = {"rules": ("rule_table", "distance")}
 """Settings that are not used where one of others is given."""
@@ -33,15 +33,25 @@ _MOST_FILES = 4  # that are named
 
 
 def facts_of(
-    spec: Spec, found: Mapping[str, Any], record: Record | None, given: Mapping[str, Any]
+    spec: Spec,
+    found: Mapping[str, Any],
+    record: Record | None,
+    given: Mapping[str, Any],
+    of_set: Collection[str] = (),
 ) -> tuple[tuple[str, str], ...]:
-    """What the head of a report says of a run, as pairs of name and text."""
+    """What the head of a report says of a run, as pairs of name and text.
+
+    Parameters
+    ----------
+    of_set : settings that the set to hand over has of itself, as nobody gave them
+    """
     layers = layers_of(given, found)
     facts = [("Date of the survey", survey_date(layers)), *_places(layers)]
     if record and record.assume_crs:
         facts += [("Given by hand", "the CRS, for inputs that state none")]
     facts += [("Input", text) for text in _inputs(record)]
-    facts += [("Settings", text) for text in [chosen_settings(spec, record, layers)] if text]
+    facts += [("Settings", chosen_settings(spec, record, layers, of_set))]
+    facts += [("Defaults used", default_settings(spec, record, layers, of_set))]
     facts += [("Made with", f"lidar-toolbox {__version__}, {spec.id}")]
     return tuple((name, text) for name, text in facts if text)
 
@@ -89,22 +99,49 @@ def _inputs(record: Record | None) -> Iterator[str]:
             yield f"{words.title_of(name)}: {', '.join(files[:_MOST_FILES])}{more}"
 
 
-def chosen_settings(spec: Spec, record: Record | None, layers: Sequence[Layer] = ()) -> str:
-    """The settings that differ from their defaults, and those that must always be told.
+def chosen_settings(
+    spec: Spec,
+    record: Record | None,
+    layers: Sequence[Layer] = (),
+    of_set: Collection[str] = (),
+) -> str:
+    """The settings that were given: those that differ from their defaults.
 
     Lengths are told in metres, and in the unit of the first layer that has another one; in feet,
     some have other defaults. What no step that runs uses is not told.
     """
+    return _settings(spec, record, layers, lambda name, other: other and name not in of_set)
+
+
+def default_settings(
+    spec: Spec,
+    record: Record | None,
+    layers: Sequence[Layer] = (),
+    of_set: Collection[str] = (),
+) -> str:
+    """The settings that nobody gave, and on which figures hang so much that they are told."""
+    return _settings(
+        spec, record, layers, lambda name, other: name in of_set or (name in _ALWAYS and not other)
+    )
+
+
+def _settings(
+    spec: Spec,
+    record: Record | None,
+    layers: Sequence[Layer],
+    is_told: Callable[[str, bool], bool],
+) -> str:
+    """The settings that are told, by name and whether the value is another than the default."""
     if record is None:
         return ""
     data_unit, foot, parts = unit_of_data(layers), foot_of(crs_of(layers)), []
     idle = spec.idle(record.parameters)
     for name, value in record.parameters.items():
         field = spec.inputs[name]
-        if in_place_of(name, record) or name in idle:
+        if value is None or in_place_of(name, record) or name in idle:
             continue
         default = None if field.required else field.to_json(field.default_in(foot))
-        if value is not None and (value != default or name in _ALWAYS):
+        if is_told(name, value != default):
             parts.append(f"{language.text(field.title)} {_told(field, value, data_unit)}")
     return "; ".join(parts)
 

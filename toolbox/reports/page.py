@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +44,7 @@ class Told:
         memory, by name; they are drawn, and nothing is counted in them
     cells, by_class : what is told of these, counted in all of their cells and points
     files : names of the files that results are written to
+    of_set : settings that the set to hand over has of itself, as nobody gave them
     """
 
     given: Mapping[str, Any] = field(default_factory=dict)
@@ -54,6 +55,7 @@ class Told:
     cells: Mapping[str, Cells] = field(default_factory=dict)
     by_class: Mapping[str, Counter[int]] = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
+    of_set: frozenset[str] = frozenset()
 
 
 def page(
@@ -94,7 +96,7 @@ def page(
         ),
         *_sizes(spec, layers),
         *_settings(spec, record, unit),
-        *_made(spec, record, every),
+        *_made(spec, record, every, told.of_set),
     ]
     summary, head = said(spec, found, record, told)
     return Report(spec.title, in_unit(sections, unit), summary=summary, head=head, name=spec.id)
@@ -122,7 +124,8 @@ def said(
         *told.unseen,
         *(text for report in reports for text in report.head.unseen),
     ]
-    head = _head(facts_of(spec, found, record, told.given), told.warnings, unseen, unit)
+    facts = facts_of(spec, found, record, told.given, told.of_set)
+    head = _head(facts, told.warnings, unseen, unit)
     warned = {text.rstrip(".").casefold() for text in head.warnings}
     lines = [in_both(line, unit) for line in summary.splitlines()]
     return " ".join(line for line in lines if line.rstrip(".").casefold() not in warned), head
@@ -154,9 +157,11 @@ def framed(report: Report, spec: Spec, record: Record | None, told: Told | None)
     """
     given = layers_of(told.given if told else {}, {})
     unit = unit_of_data(given)
-    facts = facts_of(spec, {}, record, {})
+    of_set = told.of_set if told else frozenset()
+    facts = facts_of(spec, {}, record, {}, of_set)
     head = _head(facts, told.warnings if told else (), report.head.unseen, unit)
-    sections = [*report.sections, *_settings(spec, record, unit), *_made(spec, record, given)]
+    sections = [*report.sections, *_settings(spec, record, unit)]
+    sections += _made(spec, record, given, of_set)
     summary = "\n".join(in_both(line, unit) for line in report.summary.splitlines())
     shown = in_unit(sections, unit)
     return Report(report.title, shown, summary=summary, head=head, name=report.name)
@@ -333,7 +338,9 @@ def _settings(spec: Spec, record: Record | None, unit: Unit | None) -> list[Sect
     return [Section("Settings", [block], folded=True, printed=[printed])]
 
 
-def _made(spec: Spec, record: Record | None, layers: Sequence[Layer]) -> list[Section]:
+def _made(
+    spec: Spec, record: Record | None, layers: Sequence[Layer], of_set: Collection[str]
+) -> list[Section]:
     """Section with the whole record; on paper with what identifies tool and inputs alone."""
     if record is None:
         return []
@@ -347,7 +354,7 @@ def _made(spec: Spec, record: Record | None, layers: Sequence[Layer]) -> list[Se
         for name, items in record.inputs.items()
         for item in items
     ]
-    chosen = chosen_settings(spec, record, layers) or "none"
+    chosen = chosen_settings(spec, record, layers, of_set) or "none"
     text = (
         f"{spec.title} ({spec.id}), lidar-toolbox {record.version}. Settings other than the "
         f"defaults: {chosen}. The sizes of all steps are on the page for browsers, and in the "

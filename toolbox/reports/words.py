@@ -137,7 +137,11 @@ def setting_in(field: Field, value: Any, unit: Unit | None) -> tuple[str, str]:
     >>> cell = catalog.load("points.thin").inputs["cell"]
     >>> setting_in(cell, 0.9144, ("ft", 0.3048)), setting_in(cell, 0.9144, None)
     (('3', 'ft'), ('0.9144', 'm'))
+    >>> setting_in(cell, None, None)
+    ('not given', '')
     """
+    if value is None:
+        return setting_text(value), ""
     length = field.unit == "m" and isinstance(value, int | float)
     if unit and length and is_round(value, unit):
         return own_number(value, unit, digits=_DIGITS), unit[0]

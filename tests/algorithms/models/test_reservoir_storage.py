@@ -87,6 +87,10 @@ def test_the_set_tells_the_error_of_heights_and_shows_other_waters(tmp_path: Pat
     assert "Common error of heights 0.05 m" in text
     assert text.partition("Result ------ - ")[2].startswith("At a level of")
     assert f"is known to ± {found['level_uncertainty']:.3f} m (95 %)" in text
+    assert "(standard error 0.05 m), where the shore may lie" in text
+    assert "They are for a level that a gauge tells" in text
+    assert "The level of the rim is known to ± 0.098 m (95 %) by the common error alone" in text
+    assert "That error, 0.05 m, is an assumption unless it was given for this survey" in text
     assert found["level_uncertainty"] > 0.0979 > found["level_interval"]
     assert ".fields.csv" in text
     assert len(Vector.open(out / "water.gpkg", layer="other_waters").frame) >= 1

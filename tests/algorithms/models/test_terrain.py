@@ -176,6 +176,24 @@ def test_classes_that_stay_are_told_and_can_be_named(caplog: pytest.LogCaptureFi
     assert (kept["classified"]["classification"][road] == 6).all()
 
 
+def test_a_bridge_of_class_26_is_no_ground_unless_that_is_asked_for(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Points of Dutch structures became class 2, and stood in the terrain."""
+    xyz, road = hillside()
+    classes = np.where(road, 26, 1).astype(np.uint8)
+    points = PointCloud(
+        xyz + np.array([5e5, 4.6e6, 0.0]), {"classification": classes}, crs=CRS(32635)
+    )
+    values = {"points": points, "denoise": False, "image": False}
+    kept = toolbox.run("models.terrain", values)["classified"]["classification"]
+    assert (kept[road] == 26).all()
+    assert f"{road.sum()} points keep class 26 and are no ground" in caplog.text
+    lost = toolbox.run("models.terrain", {**values, "keep_classes": "17"})["classified"]
+    assert (lost["classification"][road] == 2).mean() > 0.9
+    assert "points of class 26 become ground" in caplog.text
+
+
 @pytest.mark.slow
 def test_the_report_of_the_set_has_the_contours_on_its_map(tmp_path: Path) -> None:
     xyz, _ = hillside()

@@ -166,3 +166,16 @@ def test_ground_of_the_file_is_replaced_and_that_is_told(
         made = candidates.classified(np.array([False, True, True]))
     assert made["classification"].tolist() == [1, 2, 2]
     assert ("class 2 (ground) of the file is replaced" in caplog.text) is told
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_points_of_class_26_are_told_as_ground_or_not(
+    kept: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A bridge of the Dutch AHN became ground, and no set said so."""
+    points = cloud(classification=[26, 26, 1])
+    candidates = Candidates.of(points, "all", keep=ClassList([17, 26] if kept else [17]))
+    candidates.classified(np.ones(np.count_nonzero(candidates.chosen), bool))
+    lost, stays = "2 points of class 26 become ground", "2 points keep class 26 and are no ground"
+    assert (stays in caplog.text) == kept
+    assert (lost in caplog.text) == (not kept)

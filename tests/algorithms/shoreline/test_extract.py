@@ -27,7 +27,7 @@ from algorithms.shoreline._level import Level, _parts
 from algorithms.shoreline._outline import detail_of
 from algorithms.shoreline._reaches import along_banks
 from algorithms.shoreline._returns import Returns
-from algorithms.shoreline._water import is_plane
+from algorithms.shoreline._water import Water, is_plane
 from algorithms.shoreline.extract import ShorelineExtract, open_edges
 from toolbox.data import PointCloud, Survey
 from toolbox.declare import ClassList, Position
@@ -1012,11 +1012,28 @@ def test_a_river_of_pools_and_rapids_is_no_level_water(seed: int, caplog: Any) -
     assert all(abs(high - low - height) < 0.011 for height, high, low in steps)
 
 
+@pytest.mark.parametrize(("between", "told"), [(0, True), (6, True), (7, False)])
+def test_steps_of_waters_are_told_that_no_water_can_lie_between(between: int, told: bool) -> None:
+    """Larger steps across a dike of five cells were not told, beside a small one that was."""
+    cells = grid(Returns.of(lake(returned=1.0), None, None))
+    places = np.arange(cells.low.size).reshape(cells.low.shape)
+    sides = (places[20:40, 10:20], places[20:40, 20 + between : 30 + between])
+    waters_found = [
+        Water(
+            Body(side.ravel(), level, Tilt(), 0.1, 0.9, "few returns"),
+            Level(level, 0.01, 9.0, 0.02, 100),
+        )
+        for side, level in zip(sides, (LEVEL, LEVEL + 0.4), strict=True)
+    ]
+    steps = list(_water._steps(cells, waters_found))
+    assert [one.height for one in steps] == ([pytest.approx(0.4)] if told else [])
+
+
 def test_ponds_far_from_one_another_have_no_step(caplog: Any) -> None:
     made = waters.survey("ponds", 3, density=4.0, noise=0.03, returned=0.3)
     with caplog.at_level(logging.WARNING, "toolbox"):
         extract(made.points, bodies="all")
-    assert "at different levels and meet" not in caplog.text
+    assert "waters at different levels meet" not in caplog.text
 
 
 @pytest.mark.parametrize(("seed", "told"), [(42, True), (45, False)])

@@ -21,7 +21,7 @@ from toolbox.data.reading import Reading
 from toolbox.data.report import Column
 from toolbox.declare.kinds import parsed_options
 from toolbox.reports import words
-from toolbox.reports.facts import chosen_settings, facts_of
+from toolbox.reports.facts import chosen_settings, default_settings, facts_of
 from toolbox.reports.page import page
 from toolbox.runs.lineage import record_of
 from toolbox.runs.provenance import Input
@@ -61,7 +61,8 @@ def test_the_head_tells_project_survey_and_reference_system(tmp_path: Path) -> N
     assert found["Coordinates"].startswith("EPSG:28992+5709")
     assert found["Heights"] == "NAP height"
     assert found["Input"] == "Points: a.laz"
-    assert "Cell size 1 m" in found["Settings"] or "Cell 1 m" in found["Settings"]
+    assert "Settings" not in found, "none was given"
+    assert found["Defaults used"] == "Cell size 1 m"
     text = (tmp_path / "a.html").read_text()
     assert "<h1>Terrain of the city</h1>" in text
     assert replay(tmp_path / "a.html") == []
@@ -77,10 +78,26 @@ def test_a_crs_that_was_given_by_hand_is_told(assumed: str) -> None:
 def test_rules_are_not_told_where_one_distance_stands_in_their_place() -> None:
     spec = catalog.load("corridor.clearance")
     made = record_of(spec, {"voltage": 110.0}, {}, Reading())
-    assert "Rule set" in chosen_settings(spec, made)
+    assert "Rule set" in default_settings(spec, made)
     made = record_of(spec, {"voltage": 110.0, "distance": 5.0}, {}, Reading())
-    assert "Rule set" not in chosen_settings(spec, made)
+    assert "Rule set" not in chosen_settings(spec, made) + default_settings(spec, made)
     assert "5 m" in chosen_settings(spec, made)
+
+
+def test_settings_that_nobody_gave_are_told_apart() -> None:
+    """Settings "other than the defaults" named cell and interval at their defaults."""
+    spec = catalog.load("models.terrain")
+    optional = {name: field for name, field in spec.inputs.items() if not field.required}
+    values = {name: field.to_json(field.default) for name, field in optional.items()}
+    values |= {"cell": 0.5, "level_water": True}
+    made = replace(record_of(spec, {}, {}, Reading()), parameters=values)
+    assert chosen_settings(spec, made, (), {"level_water"}) == "Cell size 0.5 m"
+    assert chosen_settings(spec, made).endswith("Water laid level yes")
+    told = default_settings(spec, made, (), {"level_water"})
+    assert told == "Water laid level yes; Height between lines 1 m"
+    found = dict(facts_of(spec, {}, made, {}, {"level_water"}))
+    assert found["Settings"] == "Cell size 0.5 m"
+    assert found["Defaults used"] == told
 
 
 def test_a_rule_set_that_was_not_used_is_said_so() -> None:

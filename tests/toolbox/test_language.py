@@ -130,9 +130,9 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
         ),
         (
             "The survey has 2.2 pulses per square metre (0.20/ft²), 0.68 m (2.23 ft) apart; "
-            "0.10 % of it are voids. 2 strips overlap on 30 % of it.",
+            "0.10 % of it are voids, be they water or not. 2 strips overlap on 30 % of it.",
             "Ölçmede metrekareye 2.2 (0.20/ft²) atım var, 0.68 m (2.23 ft) aralıklı; % 0.10 "
-            "kadarı boşluk. 2 şerit, ölçmenin % 30 kadarında örtüşüyor.",
+            "kadarı, su olsun olmasın, boşluk. 2 şerit, ölçmenin % 30 kadarında örtüşüyor.",
         ),
         ("5 % are lower", "% 5 daha düşük"),
         ("40 critical, 124 warning, 0 watch", "40 kritik, 124 uyarı, 0 izle"),
@@ -153,10 +153,10 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
             "Rasterlerin hücreleri 1 m. Arazi 0.76 - 15.00 m, hücrelerinin % 0.7 kadarı boş.",
         ),
         (  # a sentence within a sentence keeps its full stop
-            "The survey has 2.0 pulses per square metre, 0.71 m apart; 0.10 % of it are voids. "
-            "2 strips overlap on 30 % of it.",
-            "Ölçmede metrekareye 2.0 atım var, 0.71 m aralıklı; % 0.10 kadarı boşluk. "
-            "2 şerit, ölçmenin % 30 kadarında örtüşüyor.",
+            "The survey has 2.0 pulses per square metre, 0.71 m apart; 0.10 % of it are voids, "
+            "be they water or not. 2 strips overlap on 30 % of it.",
+            "Ölçmede metrekareye 2.0 atım var, 0.71 m aralıklı; % 0.10 kadarı, su olsun "
+            "olmasın, boşluk. 2 şerit, ölçmenin % 30 kadarında örtüşüyor.",
         ),
         ("cell: must be > 0 and <= 9 m, got 0.0", "cell: > 0 ve <= 9 m olmalı, verilen 0.0"),
         (

@@ -68,7 +68,7 @@ OPENINGS = {
     "seen": Column("Points behind"),
     "edge_seen": Column("Edge seen", "%", 0, 100.0),
     "edge_interval": Column(
-        "Edges ± (95 %)",
+        "Least sure side ± (95 %)",
         "unit",
         2,
         meaning="± (95 %) of the least sure of the sides that were seen",
@@ -120,8 +120,16 @@ SCHEDULE = {
     "width_mm": Column("Width", "mm", 0, circa=OPENINGS["width"].circa),
     "height_mm": Column("Height", "mm", 0, circa=OPENINGS["height"].circa),
     "sill_mm": Column("Sill above the foot of the wall below it", "mm", 0, circa=_by("bottom")),
-    "edge_mm": Column("Edges ± (95 %)", "mm", 0, meaning=OPENINGS["edge_interval"].meaning),
+    "edge_mm": Column(
+        "Edges ± (95 %)",
+        "mm",
+        0,
+        meaning="± (95 %) of the least sure of the sides that are neither unsure nor not seen",
+    ),
     "unsure": OPENINGS["unsure"],
+    "unsure_mm": Column(
+        "Unsure sides ± (95 %)", "mm", 0, meaning="± (95 %) of the least sure of the unsure sides"
+    ),
     "hidden": OPENINGS["hidden"],
     "set_back_mm": Column("Set back", "mm", 0),
     "certainty": OPENINGS["certainty"],

@@ -226,18 +226,33 @@ def schedule(frame: geopandas.GeoDataFrame, step: float, metre: float) -> Table:
             "sill_mm": (sill / metre * MILLIMETRES).round().astype("int64"),
         }
     )
-    if "edge_interval" in found:  # not known of an opening without a side that was seen
-        edge = found["edge_interval"].astype(float) / metre * MILLIMETRES
-        rows["edge_mm"] = edge.round().astype("Int64")
-    for name in ("unsure", "hidden"):
-        if name in found:
-            rows[name] = found[name]
+    sure, unsure = (half / metre * MILLIMETRES for half in _least_sure(found))
+    if sure.notna().any() or unsure.notna().any():
+        rows["edge_mm"] = sure.round().astype("Int64")
+    if "unsure" in found:
+        rows["unsure"] = found["unsure"]
+    if unsure.notna().any():
+        rows["unsure_mm"] = unsure.round().astype("Int64")
+    if "hidden" in found:
+        rows["hidden"] = found["hidden"]
     if "set_back" in found:  # not known where nothing was seen in an opening
         back = found["set_back"].astype(float) / metre * MILLIMETRES
         rows["set_back_mm"] = back.round().astype("Int64")
     if "certainty" in found:
         rows["certainty"] = found["certainty"].astype(float).round(SHOWN_DIGITS)
     return Table(rows)
+
+
+def _least_sure(openings: geopandas.GeoDataFrame) -> tuple[pd.Series[float], pd.Series[float]]:
+    """Uncertainty of the least sure of the sides of each opening that are not unsure, and are.
+
+    NaN where there is none.
+    """
+    each = openings.reindex(columns=[f"{side}_interval" for side in columns.SIDES]).astype(float)
+    names = openings["unsure"] if "unsure" in openings else [""] * len(openings)
+    vague = [[side in (said or "").split(", ") for side in columns.SIDES] for said in names]
+    where = np.reshape(np.array(vague, bool), each.shape)
+    return each.mask(where).max(axis=1), each.where(where).max(axis=1)
 
 
 def areas(frame: geopandas.GeoDataFrame, metre: float) -> Table:

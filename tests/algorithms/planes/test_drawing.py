@@ -273,7 +273,8 @@ def test_the_title_block_says_how_sure_the_edges_are_as_the_report_does() -> Non
         told = texts(out.drawing.frame, "title")
         assert f"edges of openings ± {says} (95 %, the median)" in told
         assert texts(out.drawing.frame, "numbers")[:3] == ["1", "2*", "3"]
-        assert [row["edge_mm"] for row in out.schedule.rows()] == [21, 300, 21]
+        assert [row["edge_mm"] for row in out.schedule.rows()] == [21, 21, 21]
+        assert [row["unsure_mm"] for row in out.schedule.rows()] == [None, 300, None]
         assert [row["unsure"] for row in out.schedule.rows()] == ["", "right", ""]
     broken = out.drawing.frame.query("layer == 'data_edge'").geometry
     assert len(broken) == 1
@@ -396,7 +397,7 @@ def test_areas_add_up() -> None:
             "wall_m2": 52.65,
             "unseen_m2": 1.5,
         }
-        assert [row["edge_mm"] for row in out.schedule.rows()] == [21, 300, 21]
+        assert [row["edge_mm"] for row in out.schedule.rows()] == [21, 21, 21]
 
 
 def test_millimetres() -> None:

@@ -45,6 +45,7 @@ def chance(
     ----------
     tolerance : from the curve within which points are on it, metres
     taken : which points above the ground are on wires, and so are not around others
+    step : length of the steps, metres; two by default
     """
     on_it, beside = by_step(corridor, curve, taken, step or SETTINGS.points.company_side, tolerance)
     own, around = tolerance**2, SETTINGS.curves.clutter_radius**2

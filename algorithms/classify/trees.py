@@ -78,11 +78,19 @@ class ClassifyTrees:
     diameter of a circle of that area, in the unit of the data; the number of points; and whether
     the edge of the data cuts the crown.
 
+    Where most points of a crown are building in `given`, the same points as the file had them, it
+    is the top of a building, such as a spire: no tree, and told.
+
     Crowns that grow into one another without a dip are one tree. Trees below others are not seen.
     Heights are HeightAboveGround if points have it.
     """
 
     points: PointCloud = source("Classified points")
+    given: PointCloud | None = source(
+        "The same points with the classes of the file: what most are building of is no tree",
+        default=None,
+        label="Points with the classes of the file",
+    )
     classes: ClassList = param(
         "Classes that are trees", default=ClassList([5]), label="Tree classes"
     )
@@ -147,6 +155,8 @@ class ClassifyTrees:
         """The points have a classification."""
         if "classification" not in self.points:
             yield "points", f"{self.points.name} has no classification; classify them first"
+        if self.given is not None and len(self.given) != len(self.points):
+            yield "given", f"must be the {len(self.points)} points of points, got {len(self.given)}"
 
     def halo(self) -> float:
         """Reach of the terrain, and of a crown."""
@@ -189,6 +199,7 @@ class ClassifyTrees:
         )
         ctx.progress(0.8)
         rows = list(self._rows(np.flatnonzero(some), tree, height, lengths, ctx.part(0.8, 1.0)))
+        rows = self._without_spires(rows)
         crowns = [row["crown"] for row in rows]
         at_edge = cut(crowns, cloud.xyz[:, :2], lengths.spacing, cloud.metre)
         rows = [row | {"cut": bool(there)} for row, there in zip(rows, at_edge, strict=True)]
@@ -215,10 +226,30 @@ class ClassifyTrees:
                 "crown_area": crown.area,
                 "crown_diameter": float(2 * np.sqrt(crown.area / np.pi)),
                 "points": len(own),
+                "own": own,
                 "top": shapely.Point(x, y),
                 "crown": crown,
                 "core": bool(core[own[0]]),
             }
+
+    def _without_spires(self, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """The trees without what the file calls building, which is told."""
+        if self.given is None or "classification" not in self.given:
+            return rows
+        roof = self.given["classification"] == _evidence.BUILDING
+        spires = [row for row in rows if 2 * np.count_nonzero(roof[row["own"]]) > len(row["own"])]
+        if spires:
+            highest = max(spires, key=lambda row: row["height"])
+            log.warning(
+                "the file calls most points of %d crowns building: they are no trees, but spires, "
+                "chimneys or the like, whose height no building has; the highest, %.1f m, at "
+                "%.1f,%.1f",
+                len(spires),
+                highest["height"] / self.points.metre,
+                highest["top"].x,
+                highest["top"].y,
+            )
+        return [row for row in rows if all(row is not spire for spire in spires)]
 
     def _packed(self, rows: list[dict[str, Any]]) -> ClassifyTrees.Outputs:
         import geopandas

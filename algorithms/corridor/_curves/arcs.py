@@ -228,6 +228,7 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
     wander = SETTINGS.arcs.least_wander
     seen = binned(corridor, alignment, 1, wander)
     arms, poles = hardware(corridor, alignment, seen.tracks(), chainages)
+    own_arms = maximum_filter1d(arms, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN]
     arms[at_known_supports(corridor, alignment, chainages)] = math.inf
     shown = arms + poles
     at_arms, at_poles = (
@@ -239,7 +240,7 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
         coarse = binned(corridor, alignment, SETTINGS.arcs.coarse_bins, wander)
         bend = usual_bend(coarse)
         fine = binned(corridor, alignment, 1, wander)
-        edges = edges_of(fine, bend, at_arms, at_poles)
+        edges = edges_of(fine, bend, at_arms, at_poles, own_arms)
         learned = wander_of(fine, edges, bend)
         if learned <= SETTINGS.arcs.wander_margin * wander:
             break
@@ -271,11 +272,16 @@ def usual_bend(bins: Binned) -> float:
     return float(min(bends, key=lambda bend: solved(bins, bend, usual)[0]))
 
 
-def edges_of(bins: Binned, bend: float, arms: Floats, poles: Floats) -> Ints:
+def edges_of(bins: Binned, bend: float, arms: Floats, poles: Floats, seen: Floats) -> Ints:
     """The edges of bins at which a line is cut into arcs of about one curvature, with both ends.
 
-    An arm and a pole make a cut cheaper; but a tree may look like either, so wires that surely do
-    not bend there are not cut.
+    An arm and a pole make a cut cheaper, a support that is known already free; but a tree may look
+    like any of them, so wires that surely do not bend there are not cut.
+
+    Parameters
+    ----------
+    arms, poles : evidence at each edge, squares of sigmas; infinite at supports that are known
+    seen : of arms alone, without what is known
     """
     wires = maximum_filter1d(
         tracks_at(bins), 2 * round(SETTINGS.arcs.shortest_span / bins.step) + 1
@@ -283,7 +289,8 @@ def edges_of(bins: Binned, bend: float, arms: Floats, poles: Floats) -> Ints:
     usual = SETTINGS.arcs.cut_price + SETTINGS.arcs.cut_price_per_wire * wires
     price = np.maximum(usual - arms - poles, 0.0)
     edges = agreed(bins, solved(bins, bend, price)[1], bend, usual, price)
-    return bending(bins, edges, bend, usual - arms > SETTINGS.arcs.least_arm_share * usual)
+    bare = usual - arms > SETTINGS.arcs.least_arm_share * usual
+    return bending(bins, edges, bend, bare, seen)
 
 
 def wander_of(bins: Binned, edges: Ints, bend: float) -> float:
@@ -344,19 +351,19 @@ def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats)
     return edges
 
 
-def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_]) -> Ints:
+def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_], seen: Floats) -> Ints:
     """The edges of bins at which the wires bend as they do at supports, up or down.
 
     In a long span with many points it is significant how wires wander, and a cut would mend it; and
     the top of a tree among wires looks like an arm, its trunk like a pole. But there they do not
-    bend: no bend at all is a hundred times as likely as one between two spans, or, where it is
-    `bare` of what looks like a support, they hardly do.
+    bend: no bend at all is a hundred times as likely as one between two spans, and more than `seen`
+    tells of an arm there, or, where it is `bare` of what looks like a support, they hardly do.
     """
-    least, enough = SETTINGS.arcs.least_kink, -math.log(SETTINGS.sparse.false_alarms)
+    least, enough = SETTINGS.arcs.least_kink, seen / 2 - math.log(SETTINGS.sparse.false_alarms)
     while len(edges) > 2:
         kinks, sigmas = np.array([kink(bins, *three, bend) for three in threes(edges)]).T
         straight = np.maximum(straightness(kinks, sigmas), 1e-9)
-        bends = enough / straight
+        bends = enough[edges[1:-1]] / straight
         bends = np.where(bare[edges[1:-1]], np.minimum(bends, np.abs(kinks) / least), bends)
         worst = int(np.argmin(bends))
         if bends[worst] >= 1:

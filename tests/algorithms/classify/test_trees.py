@@ -43,6 +43,21 @@ def rows(points: PointCloud, **settings: Any) -> list[dict[str, Any]]:
     return found
 
 
+def test_what_the_file_calls_building_is_no_tree(caplog: pytest.LogCaptureFixture) -> None:
+    """A spire of 26 m was the highest tree of a town."""
+    points = park([(8, 10, 3, 9), (22, 10, 3, 14)])
+    spire = (points["classification"] == 5) & (points["x"] > 500_015)
+    given = points.with_attributes({"classification": np.where(spire, 6, 1).astype(np.uint8)})
+    (tree,) = rows(points, given=given)
+    assert tree["height"] == pytest.approx(9, abs=0.1)
+    assert "most points of 1 crowns building" in caplog.text
+    assert "the highest, 14" in caplog.text
+    half = points.with_attributes({"classification": np.where(spire, 1, 6).astype(np.uint8)})
+    assert len(rows(points, given=half)) == 1
+    bare = points.with_attributes({"classification": np.ones(len(points), np.uint8)})
+    assert len(rows(points, given=bare)) == 2
+
+
 def test_crowns_at_the_edge_of_the_data_are_cut() -> None:
     """24 of 74 crowns of a tile were halves, with areas and heights as if they were whole."""
     out = ClassifyTrees(points=park([(10, 10, 3, 9), (29, 10, 3, 8)])).run()

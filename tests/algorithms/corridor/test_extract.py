@@ -448,18 +448,24 @@ def test_how_far_wires_wander_is_learned() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bare", "weight", "kept"),
-    [(True, 400.0, False), (False, 400.0, False), (True, 0.01, False), (False, 0.01, True)],
-    ids=["nothing seen", "the top of a tree", "nothing seen, noisy", "an arm, noisy"],
+    ("bare", "weight", "arm", "kept"),
+    [
+        (True, 400.0, 0.0, False),
+        (False, 400.0, 0.0, False),
+        (False, 400.0, 60.0, True),
+        (True, 0.01, 0.0, False),
+        (False, 0.01, 0.0, True),
+    ],
+    ids=["nothing seen", "known as a tree is", "a sure arm", "nothing seen, noisy", "known, noisy"],
 )
 def test_no_support_is_where_wires_do_not_bend_unless_an_arm_is_seen_and_this_is_unsure(
-    bare: bool, weight: float, kept: bool
+    bare: bool, weight: float, arm: float, kept: bool
 ) -> None:
     u = np.arange(900) + 0.5
     heights = np.column_stack([0.5 * (u % 300 - 150) ** 2 / 1500] * 3)
     bins, edges = arcs_of_tracks(heights), np.array([0, 150, 300, 600, 900])
     bins = replace(bins, tall=np.full(heights.shape, weight))
-    found = bending(bins, edges, 1 / 1500, np.full(901, bare)).tolist()
+    found = bending(bins, edges, 1 / 1500, np.full(901, bare), np.full(901, arm)).tolist()
     assert found == (edges.tolist() if kept else [0, 300, 600, 900])
 
 

@@ -392,12 +392,13 @@ class PlanesOpenings:
     def _warn_of_unseen(self, number: int, made: Openings) -> None:
         """Say so where much of what is drawn as wall has no points."""
         area = sum(part.area for part in made.unseen)
-        if area > MUCH_UNSEEN * made.wall.area:
+        whole = shapely.union_all([made.wall, *(one.shape for one in made.found)]).area
+        if area > MUCH_UNSEEN * whole:
             log.warning(
                 "%.0f %% of front %d, %.1f m2, has neither points of its wall nor an opening: air, "
                 "something that stands before it, or a gap that is none; the elevation has these "
                 "parts as unseen",
-                100 * area / made.wall.area,
+                100 * area / whole,
                 number,
                 area / self.points.metre**2,
             )

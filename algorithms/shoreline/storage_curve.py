@@ -193,7 +193,8 @@ class ShorelineStorageCurve:
         )
         lowest_ground: float = sink("Height of the lowest ground of the basin", unit="m")
         opens: float | None = sink(
-            "Level at which water reaches the edge of the data on the own side of the rim; none if never",
+            "Level at which water reaches the edge of the data on the own side of the rim; "
+            "none if never",
             unit="m",
             label="Level at which it opens",
         )

@@ -72,6 +72,14 @@ def surfaces(layer: Vector, name: str) -> Iterator[WaterSurface]:
     ------
     DataError
         A polygon has neither a level nor heights.
+
+    Examples
+    --------
+    >>> import geopandas
+    >>> pond = {"level": [12.5], "geometry": [shapely.box(0, 0, 9, 9)]}
+    >>> (one,) = surfaces(Vector(geopandas.GeoDataFrame(pond, crs=32635)), "water")
+    >>> one.at(np.array([4.0]), np.array([5.0]))
+    array([12.5])
     """
     for k in range(len(layer)):
         row = layer.frame.iloc[k]

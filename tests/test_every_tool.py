@@ -115,7 +115,7 @@ DIFFER = {  # parameters that are declared in several ways, and why
     "context": "a map is applied with the radius that it learnt with, others follow the density",
     "cell": "edges of roofs and points of a scan ask for finer cells than terrain",
     "crs": "one is stated, the other is that of the result",
-    "keep_classes": "bridges of class 26 would stand in terrains; of filters a dam's crest is ground",
+    "keep_classes": "bridges of class 26 would stand in terrains; the crest of a dam is ground",
     "features": "a map learns from few features, features.local gives many",
     "folds": "of single points, and of blocks of ground",
     "ground_classes": "corridor.extract finds the ground unless it is told",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,12 @@ def refused_in_words(refused: Vector) -> str:
         f"highest at {_place(most.geometry)} ({most['area'] / metre**2:.0f} m², "
         f"{most['height'] / metre:.1f} m high). Spires and torn roofs may be among them."
     )
+
+
+def unlike(given: PointCloud | None, points: PointCloud) -> Iterator[tuple[str, str]]:
+    """The problem with `given` where it cannot be the same points with the classes of the file."""
+    if given is not None and len(given) != len(points):
+        yield "given", f"must be the {len(points)} points of points, got {len(given)}"
 
 
 def warn_of_lost(given: PointCloud, classified: PointCloud, least: float, lengths: Lengths) -> None:

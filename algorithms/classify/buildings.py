@@ -35,7 +35,7 @@ from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import FOOT, solid
 from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
 from algorithms.classify._parts import levels, tiles
-from algorithms.classify._refused import refused_in_words, steep_regions, warn_of_lost
+from algorithms.classify._refused import refused_in_words, steep_regions, unlike, warn_of_lost
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._squared import main_direction, squared
 from algorithms.classify._vehicles import SEEN, ground_seen, large_vehicles
@@ -245,8 +245,7 @@ class ClassifyBuildings:
         """The points have a classification."""
         if "classification" not in self.points:
             yield "points", f"{self.points.name} has no classification; classify ground first"
-        if self.given is not None and len(self.given) != len(self.points):
-            yield "given", f"must be the {len(self.points)} points of points, got {len(self.given)}"
+        yield from unlike(self.given, self.points)
 
     def halo(self) -> float:
         """Distance beyond which points change no class; outlines twice as long may be cut."""

@@ -29,6 +29,7 @@ from algorithms.classify import _evidence
 from algorithms.classify import _trees_kernels as kernels
 from algorithms.classify._density import Lengths
 from algorithms.classify._outlines import Shapes, margin, name_of
+from algorithms.classify._refused import unlike
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shapes_of_groups
 from algorithms.shared.data_edge import cut
@@ -155,8 +156,7 @@ class ClassifyTrees:
         """The points have a classification."""
         if "classification" not in self.points:
             yield "points", f"{self.points.name} has no classification; classify them first"
-        if self.given is not None and len(self.given) != len(self.points):
-            yield "given", f"must be the {len(self.points)} points of points, got {len(self.given)}"
+        yield from unlike(self.given, self.points)
 
     def halo(self) -> float:
         """Reach of the terrain, and of a crown."""
@@ -237,8 +237,8 @@ class ClassifyTrees:
         if self.given is None or "classification" not in self.given:
             return rows
         roof = self.given["classification"] == _evidence.BUILDING
-        spires = [row for row in rows if 2 * np.count_nonzero(roof[row["own"]]) > len(row["own"])]
-        if spires:
+        is_spire = [2 * np.count_nonzero(roof[row["own"]]) > len(row["own"]) for row in rows]
+        if spires := [row for row, out in zip(rows, is_spire, strict=True) if out]:
             highest = max(spires, key=lambda row: row["height"])
             log.warning(
                 "the file calls most points of %d crowns building: they are no trees, but spires, "
@@ -249,7 +249,7 @@ class ClassifyTrees:
                 highest["top"].x,
                 highest["top"].y,
             )
-        return [row for row in rows if all(row is not spire for spire in spires)]
+        return [row for row, out in zip(rows, is_spire, strict=True) if not out]
 
     def _packed(self, rows: list[dict[str, Any]]) -> ClassifyTrees.Outputs:
         import geopandas

@@ -228,12 +228,10 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
     wander = SETTINGS.arcs.least_wander
     seen = binned(corridor, alignment, 1, wander)
     arms, poles = hardware(corridor, alignment, seen.tracks(), chainages)
-    own_arms = maximum_filter1d(arms, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN]
+    own_arms = at_edges(arms)
     arms[at_known_supports(corridor, alignment, chainages)] = math.inf
     shown = arms + poles
-    at_arms, at_poles = (
-        maximum_filter1d(some, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN] for some in (arms, poles)
-    )
+    at_arms, at_poles = at_edges(arms), at_edges(poles)
     if corridor.tolerance <= SETTINGS.sparse.stack_tolerance:  # their tracks change over
         at_arms = np.where(at_poles >= SETTINGS.arcs.certain_arm, math.inf, at_arms)
     while True:
@@ -246,6 +244,11 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
             break
         wander = learned
     return *all_settled(fine, edges, bend, chainages, shown), coarse, bend
+
+
+def at_edges(evidence: Floats) -> Floats:
+    """The most evidence near each edge of the bins, of that at all chainages."""
+    return np.asarray(maximum_filter1d(evidence, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN])
 
 
 def at_known_supports(

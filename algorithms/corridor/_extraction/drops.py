@@ -26,7 +26,7 @@ from algorithms.corridor._curves.network import Corridor, is_on_roof, is_straigh
 from algorithms.corridor._curves.sparse import room
 from algorithms.corridor._extraction import drops_kernels as kernels
 from algorithms.corridor._extraction.missed import longest_by_chance
-from algorithms.corridor._extraction.spans import Wire, on_wire
+from algorithms.corridor._extraction.spans import Wire, on_any
 from algorithms.corridor._extraction.supports import Support, is_pole
 from algorithms.corridor._settings import SETTINGS
 
@@ -40,8 +40,7 @@ def with_drops(
 ) -> list[Wire]:
     """The wires, and behind them the service drops from their poles, each a span of its own."""
     taken = np.zeros(len(corridor.air.xyz), bool)
-    for wire in wires:
-        taken[on_wire(corridor, wire)[0]] = True
+    taken[on_any(corridor, wires)] = True
     found = list(wires)
     for number, support in enumerate(supports):
         held = [wire for wire in wires if number in wire.supports]

@@ -21,7 +21,8 @@ from toolbox.data import Vector
 
 CHORD_ERROR = 0.005  # metres that a drawn line may be off the curve
 
-DROP = "drop"  # column of the service drops
+# Columns that no curve needs, and layers of before do not have: of the service drops, of swings.
+DROP, SWING_SD = "drop", "sd_swing"
 
 Floats = NDArray[np.float64]
 COVARIANCES = {
@@ -66,9 +67,7 @@ WIRE_COLUMNS = (
     "sd_u0",
     "sd_z0",
     "sd_sag",
-    DROP,
 )
-SWING_SD = "sd_swing"  # a column that layers of before do not have, and that no curve needs
 TOWER_COLUMNS = (
     "tower_id",
     "kind",
@@ -99,7 +98,7 @@ def wire_layer(wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | N
     counts = conductor_counts(wires)
     rows = [wire_row(wire, origin, metre) | _counted(*counts[wire.span]) for wire in wires]
     lines = [shapely.LineString(vertices(wire.curve) * metre + origin) for wire in wires]
-    layer = _layer(rows, lines, WIRE_COLUMNS, crs, "LineString Z")
+    layer = _layer(rows, lines, (*WIRE_COLUMNS, DROP), crs, "LineString Z")
     frame = layer.frame.copy()
     frame.insert(WIRE_COLUMNS.index("swing") + 1, SWING_SD, swing_sigmas(layer))
     return Vector(frame, geometry_type="LineString Z")
@@ -155,11 +154,8 @@ def _counted(found: int, expected: int | None) -> dict[str, float]:
 
 
 def missing_columns(layer: Vector) -> str:
-    """The problem with a layer that lacks columns of wires; empty if it has all.
-
-    Layers of before service drops were looked for have none.
-    """
-    missing = [name for name in WIRE_COLUMNS if name not in (*layer.names, DROP)]
+    """The problem with a layer that lacks columns of wires; empty if it has all."""
+    missing = [name for name in WIRE_COLUMNS if name not in layer.names]
     if not missing:
         return ""
     shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
@@ -171,7 +167,7 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
 
     Parameters
     ----------
-    layer : with the columns WIRE_COLUMNS but for DROP; the covariance may be missing
+    layer : with the columns WIRE_COLUMNS; the covariance may be missing
     origin : array of shape (3,), in the unit of the layer
     """
     metre = layer.metre

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -88,6 +88,7 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
         "clouds": [_cloud_json(item) for item in items if item.kind == "points"],
         "lines": [_line_json(item) for item in items if item.kind in ("lines", "marks")],
         "meshes": [_mesh_json(item) for item in items if item.kind == "areas"],
+        "key": list(_key(items)),
     }
     found = dict.fromkeys(item.name.removesuffix(FILLED) for item in items)
     names = ", ".join(map(language.label, found))
@@ -95,6 +96,21 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
     shown_points = sum(len(item.xyz) for item in items if item.kind == "points")
     caption = f"View in space: {names}. {shown_points} points are shown; lengths from {origin}"
     return Plot("space", data, Figure(view_png(items, towards), caption))
+
+
+def _key(items: Sequence[Item]) -> Iterator[dict[str, Any]]:
+    """What the colours of the picture mean, each once; areas are seen by their outlines."""
+    told = set()
+    for item in items:
+        ramp = item.ramp
+        if item.kind == "areas" or (item.name, item.colour) in told:
+            continue
+        told.add((item.name, item.colour))
+        if ramp is None:
+            yield {"name": item.name, "colour": item.colour}
+        else:
+            low, high = ramp.ends
+            yield {"ramp": _colours_of(ramp), "low": low, "high": high, "label": ramp.label}
 
 
 def is_local_or_none(layer: Layer) -> bool:
@@ -168,14 +184,19 @@ def _eye(towards: Floats, span: Floats) -> dict[str, float]:
     return dict(zip("xyz", np.round(towards * far, 3).tolist(), strict=True))
 
 
-def _cloud_json(item: Item) -> dict[str, Any]:
+def _colours_of(ramp: Ramp) -> list[str]:
+    """Colours of a ramp from its low to its high end."""
     from matplotlib.colors import to_hex
 
+    colours = ramp.colour_map()
+    return [to_hex(colours(share)) for share in np.linspace(0, 1, 9)]
+
+
+def _cloud_json(item: Item) -> dict[str, Any]:
     made: dict[str, Any] = {"name": item.name, "size": item.size, "xyz": _steps(item.xyz)}
     if item.ramp is None:
         return made | {"colour": item.colour}
-    colours = item.ramp.colour_map()
-    ramp = [to_hex(colours(share)) for share in np.linspace(0, 1, 9)]
+    ramp = _colours_of(item.ramp)
     codes = np.rint(item.share * 255).astype(np.uint8)
     return made | {"colour": ramp[4], "codes": _packed(codes), "ramp": ramp}
 

@@ -12,8 +12,9 @@ import pytest
 import shapely
 
 from toolbox import catalog
-from toolbox.data import PointCloud, Vector
+from toolbox.data import PointCloud, Report, Section, Vector
 from toolbox.data.crs import parse_crs
+from toolbox.data.report.render import render
 from toolbox.declare.show import OfClass
 from toolbox.qgis.tools import tool
 from toolbox.reports.maps import maps_of
@@ -153,6 +154,25 @@ def test_the_view_holds_points_to_a_centimetre_and_fills_areas() -> None:
     assert names == ["Water", "Shoreline: edge of the data, no shore", "Shoreline: shore"]
     assert water["name"] == "Water, filled"
     assert "filled" not in plot.picture.caption
+
+
+def test_the_view_has_a_key_of_its_colours_for_paper() -> None:
+    """A print had the picture, and nobody knew what its colours mean."""
+    plot = space_of(SPEC, found(), {"points": cloud()})
+    assert plot is not None
+    heights, *lines = plot.data["key"]
+    assert (heights["label"], len(heights["ramp"])) == ("Elevation (m)", 9)
+    low, high = (float(heights[end].split()[-1]) for end in ("low", "high"))
+    assert low == pytest.approx(0.05, abs=0.05)
+    assert high == pytest.approx(9.95, abs=0.05)
+    drawn = [(line["name"], line["colour"]) for line in plot.data["lines"]]
+    assert [(one["name"], one["colour"]) for one in lines] == drawn
+    report = Report("View", [Section("3-D view", [plot])])
+    for on_paper in (True, False):
+        key = render(report, on_paper=on_paper).partition('<ul class="key still">')[2]
+        said = key.partition("</ul>")[0]
+        assert "linear-gradient(to right, #62a392" in said
+        assert all(f'{colour}"></i>{name}</li>' in said for name, colour in drawn)
 
 
 def test_lines_of_the_view_are_small_and_one_that_goes_far_leaves_the_points_sharp() -> None:

@@ -166,7 +166,7 @@ class PlanesDrawing:
                 ("Project", "", "title"),
                 ("Drawing", self.subject or FRONTS, "subject" if self.subject else None),
                 ("Client", "", "client"),
-                ("Number", self.number or "", "number"),
+                *([("Number", self.number, "number")] if self.number else []),
                 ("Date", "", "date"),
                 ("Scale", f"1:{scale}, {paper}", None),
             ]

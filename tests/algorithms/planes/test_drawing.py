@@ -60,14 +60,17 @@ def test_a_set_fills_in_the_title_block() -> None:
     assert "The city" not in texts(found.drawing.frame, "title"), "the tool's own is as it was"
 
 
-def test_what_nobody_told_stays_an_empty_field(tmp_path: Path) -> None:
-    """The title block said "Number -"; and a place without its text is no point of a DXF."""
+def test_what_nobody_told_is_no_field_or_stays_empty(tmp_path: Path) -> None:
+    """The block had an empty field "Number"; and a place without its text is no point of a DXF.
+
+    A set may tell the client later, so that there is a field for it.
+    """
     import ezdxf
 
     found = PlanesDrawing(elevation=elevation()).run()
     said = texts(found.drawing.with_head({"title": "Survey"}).frame, "title")
     assert said[: said.index("Scale")] == [
-        *("Project", "Survey", "Drawing", "Fronts of the building", "Client", "Number", "Date")
+        *("Project", "Survey", "Drawing", "Fronts of the building", "Client", "Date")
     ]
     found.drawing.save(tmp_path / "a.dxf")
     space = ezdxf.readfile(tmp_path / "a.dxf").modelspace()  # type: ignore[attr-defined]

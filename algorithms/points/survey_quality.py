@@ -153,12 +153,15 @@ class PointsSurveyQuality:
         def _strips_in_words(self) -> str:
             if self.strip_count < 2:
                 return "There is one strip, or the points do not tell."
+            if not self.overlap_share:
+                return f"{self.strip_count} strips overlap nowhere."
             share = 100 * self.overlap_share
+            said = f"{share:.0f}" if share >= 1 else f"{share:.1g}"
             unit = unit_of_heights(self.density.crs)
             if self.strip_rms is None:
-                return f"{self.strip_count} strips overlap on {share:.0f} % of it."
+                return f"{self.strip_count} strips overlap on {said} % of it."
             return (
-                f"{self.strip_count} strips overlap on {share:.0f} % of it, and differ there by "
+                f"{self.strip_count} strips overlap on {said} % of it, and differ there by "
                 f"{self.strip_rms:.3f} m{own_unit(self.strip_rms, unit)} (RMS of all pairs "
                 "together) on flat ground."
             )

@@ -90,10 +90,12 @@ class Ramp:
         '57090'
         >>> Ramp("gray", 1820.11, 1823.57, "Elevation (m)").text(1820.114)
         '1820.11'
+        >>> Ramp("gray", -0.004, 190.0, "Elevation (m)").text(-0.004)
+        '0'
         """
         span = self.high - self.low
         digits = max(0, 2 - math.floor(math.log10(span))) if span > 0 else 2
-        return f"{value:.{digits}f}" if digits <= _MOST_DIGITS else f"{value:.4g}"
+        return f"{value:z.{digits}f}" if digits <= _MOST_DIGITS else f"{value:.4g}"
 
     def colour_map(self) -> Any:
         """The colour map of matplotlib."""

@@ -109,9 +109,9 @@ def in_words(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) -
 
 def _range(title: str, one: Cells) -> str:
     """The values of a raster, in a piece that can be translated by itself."""
-    highest = f"{one.highest:.2f} {unit_text(one.unit)}".rstrip()
+    highest = f"{one.highest:z.2f} {unit_text(one.unit)}".rstrip()
     share = 100 * one.empty
-    return f"{title} from {one.lowest:.2f} to {highest}, {share:.1f} % of its cells empty"
+    return f"{title} from {one.lowest:z.2f} to {highest}, {share:.1f} % of its cells empty"
 
 
 def rasters(spec: Spec, cells: Mapping[str, Cells], files: Mapping[str, str]) -> list[Section]:

@@ -41,6 +41,7 @@ from toolbox.reports.map_picture import HALF, map_png
 DRAWING = "Drawing: "  # before the name of a layer that has a map of its own
 _MOST_BASES, _QUALITY = 8, 82  # images that can lie below, and of these in WebP
 _MOST_FEATURES, _MOST_CORNERS = 3000, 60_000  # of a layer, and of all layers together
+_SPARSE = 0.005  # share of the cells of a raster below which a picture of it is blank
 _CROWDED = 500  # points of a layer, such as corners of outlines, that would hide all others
 _FINEST = 20_000  # steps of coordinates in the width of the map
 _MARGIN = 0.04  # around what is drawn
@@ -146,9 +147,14 @@ def _of_scale(layer: Layer) -> tuple[str, float] | None:
 def _others(data: Mapping[str, Any], bases: Sequence[Base]) -> Iterator[Figure]:
     """The other rasters that can lie below, each with nothing above it."""
     for number, (name, image, layer, _) in enumerate(bases):
-        if number and isinstance(layer, Raster):
+        if number and isinstance(layer, Raster) and _is_seen(layer):
             alone = {**data, "bases": [data["bases"][number]], "layers": []}
             yield Figure(map_png(alone, image, width=HALF), name)
+
+
+def _is_seen(raster: Raster) -> bool:
+    """Whether so many cells have a value that a picture shows some."""
+    return float(np.isfinite(raster.band()).mean()) >= _SPARSE
 
 
 def _bases(

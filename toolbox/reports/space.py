@@ -92,7 +92,7 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
     }
     found = dict.fromkeys(item.name.removesuffix(FILLED) for item in items)
     names = ", ".join(map(language.label, found))
-    origin = ", ".join(f"{value:.0f}" for value in scene.origin)
+    origin = ", ".join(f"{value:z.0f}" for value in scene.origin)
     shown_points = sum(len(item.xyz) for item in items if item.kind == "points")
     caption = f"View in space: {names}. {shown_points} points are shown; lengths from {origin}"
     return Plot("space", data, Figure(view_png(items, towards), caption))

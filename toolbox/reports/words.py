@@ -26,7 +26,7 @@ _SHARE = re.compile(r"\bshare\b", re.I)
 def value_text(value: Any, unit: str | None) -> str:
     """A number with the digits that tell something: millimetres of lengths, whole square metres.
 
-    >>> value_text(0.25, "m"), value_text(0.00018, "m"), value_text(5e-7, "m")
+    >>> value_text(0.25, "m"), value_text(0.00018, "m"), value_text(-5e-7, "m")
     ('0.250', '0.00018', '0.000')
     """
     if isinstance(value, tuple):
@@ -35,7 +35,7 @@ def value_text(value: Any, unit: str | None) -> str:
         return str(value)
     if unit == "m":
         small = _LEAST < abs(value) < _MILLIMETRE / 2
-        return f"{value:.6f}".rstrip("0") if small else f"{value:.3f}"
+        return f"{value:.6f}".rstrip("0") if small else f"{value:z.3f}"
     if unit in ("m2", "m3") and abs(value) >= _WHOLE:
         return f"{value:.0f}"
     return f"{value:.4g}" if abs(value) < 1000 else f"{value:.1f}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,15 @@ def test_strips_overlap_and_differ() -> None:
     assert row["mean_m"] == pytest.approx(0.05)
     assert found.strip_rms == pytest.approx(0.05)
     assert np.nanmax(found.strip_difference.band()) == pytest.approx(0.05, abs=1e-6)
+
+
+def test_strips_that_hardly_overlap_do_so_on_no_0_percent() -> None:
+    """A report said that strips overlap on 0 % of the survey, and differ there by 0.03 m."""
+    far, beside = (quality(strip(7, 0, 24), strip(9, west, 50), cell=2.0) for west in (26, 23.5))
+    assert "2 strips overlap nowhere." in far.in_words()
+    assert far.in_words() != beside.in_words()
+    hardly = dataclasses.replace(beside, overlap_share=0.0004)
+    assert "overlap on 0.04 % of it" in hardly.in_words()
 
 
 def test_density_is_told_of_the_survey_and_of_each_strip() -> None:

@@ -10,9 +10,10 @@ import geopandas
 import numpy as np
 import pytest
 import shapely
+from affine import Affine
 
 from toolbox import catalog
-from toolbox.data import PointCloud, Report, Section, Vector
+from toolbox.data import PointCloud, Raster, Report, Section, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.data.report.render import render
 from toolbox.declare.show import OfClass
@@ -65,6 +66,22 @@ def test_a_large_layer_takes_no_features_from_a_small_one() -> None:
     assert (water["hidden"], vertices["hidden"]) == (False, True)
     colours = [g["colour"] for part in plot.data["layers"] for g in part["groups"]]
     assert len(set(colours)) == len(colours) == 4
+
+
+@pytest.mark.parametrize(("known", "pictures"), [(3, []), (60, ["Difference of strips"])])
+def test_a_raster_with_hardly_a_cell_has_no_picture_on_paper(
+    known: int, pictures: list[str]
+) -> None:
+    """As of the difference of strips that hardly overlap: it was blank."""
+    cells = np.full((40, 40), np.nan)
+    cells.flat[:known] = 0.02
+    made = {
+        "density": Raster(np.ones((40, 40)), Affine(1, 0, 0, 0, -1, 40), crs=CRS),
+        "strip_difference": Raster(cells, Affine(1, 0, 0, 0, -1, 40), crs=CRS),
+    }
+    ((_, plot),) = maps_of(catalog.load("points.survey_quality"), made, {})
+    assert [base["name"] for base in plot.data["bases"]][1:] == ["Difference of strips"]
+    assert [figure.caption for figure in plot.others()] == pictures
 
 
 def test_areas_lie_below_lines_and_what_was_found_has_the_first_colour() -> None:

@@ -22,7 +22,7 @@ import polib
 
 from toolbox import catalog, language
 from toolbox.data import dxf
-from toolbox.data.asprs import CLASSES
+from toolbox.data.asprs import NAMES, within_sentence
 from toolbox.data.report.columns import LIMITS, guessed
 from toolbox.declare.show import Curve
 from toolbox.language import FOLDER
@@ -87,7 +87,7 @@ SHORT += ["a number", "unknown parameter", "unknown output", "well spread"]
 SHORT += ["north-west", "north-east", "south-west", "south-east"]
 SHORT += ["No plane", "Not seen", "rounded", *dxf.COLOUR_NAMES.values()]
 SHORT += [f"{where} {unit}" for unit in dxf.UNIT_NAMES.values() for where in ("in", LOCAL)]
-SHORT += [name.lower() for name in CLASSES.values()]
+SHORT += [within_sentence(name) for name in NAMES.values()]
 # Words in the columns that reports show.
 WORDS = "ground tree building water rail road line other tower pole conductor wire door window"
 WORDS += " critical watch falling plane shore island flat gable hip left right"
@@ -152,7 +152,7 @@ def of_told() -> list[str]:
     """All texts that warnings, errors and reports may say: of some words, with marks for values."""
     told = dict.fromkeys(" ".join(text.split()) for text in pieces())
     elsewhere = {*of_tools(), *of_code()}
-    heads = [*PROBLEMS, *HEADS, *COUNTS, *SHORT, *WORDS.split(), *CLASSES.values(), *_of_rules()]
+    heads = [*PROBLEMS, *HEADS, *COUNTS, *SHORT, *WORDS.split(), *NAMES.values(), *_of_rules()]
     return list(dict.fromkeys(text for text in [*told, *heads] if text not in elsewhere))
 
 

@@ -15,7 +15,14 @@ BUILDINGS = {
     "mean": Column("Mean elevation of the roof", "unit", 2),
     "height": Column("Height", "unit", 1),
     "form": Column("Form of the roof"),
-    "confidence": Column("Confidence", "%", 0, 100.0),
+    "confidence": Column(
+        "Confidence",
+        "%",
+        0,
+        100.0,
+        meaning="Share of the points of a roof on its planes, less where ground is seen between "
+        "them: 0 doubtful, 1 clear",
+    ),
     "squared": Column("Right angles"),
     "sections": Column("Sections of the roof, between steps"),
     "parts": Column("Parts by height"),

@@ -183,7 +183,8 @@ class ClassifyBuildings:
             "The same points with buildings as class 6", label="Classified points"
         )
         outlines: Vector = sink(
-            "Outlines of roofs with heights",
+            "Outlines of roofs with heights; confidence: share of points on planes, less where "
+            "ground is seen",
             show=show.OfClass(6),
             columns=columns.BUILDINGS,
             also=(".city.json",),

@@ -38,7 +38,7 @@ from algorithms.shoreline._level import (
 from algorithms.shoreline._returns import UNIT, Returns
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
-from toolbox.data.crs import unit_of
+from toolbox.data.crs import Unit, unit_of
 
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
@@ -136,6 +136,11 @@ class CellGrid:
     def unit(self) -> str:
         """The unit of the data, as it may be written behind a height; "" for another one."""
         return unit_of(1 / self.metre)
+
+    @property
+    def own(self) -> Unit | None:
+        """That unit with its metres; None of metres, and of one without a name."""
+        return (self.unit, 1 / self.metre) if self.unit not in ("", "m") else None
 
     @property
     def area(self) -> float:

@@ -55,6 +55,7 @@ from algorithms.shoreline._level import (
 from algorithms.shoreline._reaches import along_banks, reaches
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log, setting_name
+from toolbox.data.crs import own_unit
 from toolbox.declare import Position
 from toolbox.errors import DataError
 
@@ -587,7 +588,9 @@ def name_of(cells: CellGrid, water: Water) -> str:
     x, y = place_of(cells, water)
     square = cells.metre**2
     if water.number:
-        return f"water body {water.number} ({water.area / square:.0f} m2, at {x:.1f},{y:.1f})"
+        size = water.area / square
+        own = own_unit(size, cells.own, 2)
+        return f"water body {water.number} ({size:.0f} m2{own}, at {x:.1f},{y:.1f})"
     area = _digits(len(water.body.cells) * cells.area / square)
     return f"the water of about {area:.0f} m2 at {x:.1f},{y:.1f}"
 

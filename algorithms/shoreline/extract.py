@@ -24,7 +24,7 @@ from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._level import NINETY_FIVE
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud, Survey, Vector
-from toolbox.data.crs import own_unit, short_height_unit, unit_of_lengths
+from toolbox.data.crs import Unit, own_unit, short_height_unit, unit_of_lengths
 from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -114,7 +114,9 @@ class ShorelineExtract:
     @outputs
     class Outputs:
         water: Vector = sink(
-            "Polygons of the water, at its level", show=show.OfClass(9), columns=WATER
+            "Polygons of the water, at its level",
+            show=show.OfClass(9, number="body"),
+            columns=WATER,
         )
         shoreline: Vector = sink(
             "Their outlines: shore, islands, and edges of the data",
@@ -190,7 +192,8 @@ class ShorelineExtract:
 
         def not_looked_at(self) -> Iterator[str]:
             """Parts of outlines that are no shore."""
-            if text := open_edges(self.water.frame.to_dict("records")):
+            lengths = unit_of_lengths(self.water.crs)
+            if text := open_edges(self.water.frame.to_dict("records"), lengths):
                 yield text
 
     def check(self) -> Iterator[tuple[str, str]]:
@@ -278,7 +281,8 @@ class ShorelineExtract:
             if place := setting_name("seed_point"):
                 log.info("%s takes the water at a place, such as one that is named here", place)
         warn_of(cells, given)
-        if text := open_edges([row for one in outlines for _, row in one.rows()]):
+        own = [row for one in outlines for _, row in one.rows()]
+        if text := open_edges(own, unit_of_lengths(self.points.crs)):
             log.warning("%s", text)
 
     def _packed(
@@ -314,13 +318,18 @@ def _within(place: Position, bounds: Sequence[float]) -> bool:
     return bounds[0] <= place.x <= bounds[3] and bounds[1] <= place.y <= bounds[4]
 
 
-def open_edges(rows: Sequence[Row]) -> str:
+def open_edges(rows: Sequence[Row], unit: Unit | None = None) -> str:
     """Text on the waters of which a part of the outline is no shore; "" if there are none.
+
+    Parameters
+    ----------
+    rows : of outlines, lengths in metres
+    unit : of the data, in which lengths are told, too
 
     Examples
     --------
     >>> open_edges([{"body": 3, "open_length": 51.0, "perimeter": 265.0}])
-    'water body 3: 51 of 265 m of its outline is the edge of the data, not a shore'
+    'water body 3: 51 m of 265 m of its outline is the edge of the data, not a shore'
     """
     from algorithms.shoreline._water import some_of
 
@@ -332,13 +341,17 @@ def open_edges(rows: Sequence[Row]) -> str:
         body: [sum(part[name] for part in parts) for name in ("open_length", "perimeter")]
         for body, parts in of_body.items()
     }
-    if len(sums) == 1:
-        ((body, (cut, whole)),) = sums.items()
+    said = {
+        body: [f"{size:.0f} m{own_unit(size, unit)}" for size in sizes]
+        for body, sizes in sums.items()
+    }
+    if len(said) == 1:
+        ((body, (cut, whole)),) = said.items()
         return (
-            f"water body {body}: {cut:.0f} of {whole:.0f} m of its outline is the edge of the "
-            "data, not a shore"
+            f"water body {body}: {cut} of {whole} of its outline is the edge of the data, not a "
+            "shore"
         )
-    each = [f"body {body}, {cut:.0f} of {whole:.0f} m" for body, (cut, whole) in sums.items()]
+    each = [f"body {body}, {cut} of {whole}" for body, (cut, whole) in said.items()]
     return (
         f"{len(sums)} water bodies meet the edge of the data, where their outlines are no shore: "
         f"{some_of(each)}"

@@ -121,7 +121,7 @@ class SurfaceFlattenWater:
         )
         laid: Vector = sink(
             "Polygons of the water that was laid",
-            show=show.OfClass(9),
+            show=show.OfClass(9, number="body"),
             columns=WATER,
             listed=False,
         )

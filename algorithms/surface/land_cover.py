@@ -16,7 +16,7 @@ from algorithms.shared.polygons import cells_within, polygons
 from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
-from toolbox.data.asprs import class_label
+from toolbox.data.asprs import class_label, within_sentence
 from toolbox.data.crs import crs_conflict
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -78,7 +78,8 @@ class SurfaceLandCover:
             """The shares of the classes."""
             rows = sorted(self.areas.rows(), key=lambda row: -row["share"])
             parts = [
-                f"{row['name'].lower()} {row['area_m2']:.0f} m² ({100 * row['share']:.1f} %)"
+                f"{within_sentence(row['name'])} {row['area_m2']:.0f} m² "
+                f"({100 * row['share']:.1f} %)"
                 for row in rows
             ]
             return (

@@ -83,6 +83,15 @@ def class_name(code: int) -> str:
     return NAMES.get(code, "Reserved by the ASPRS" if code < _OWN else "Defined by the producer")
 
 
+def within_sentence(name: str) -> str:
+    """The name of a class as it stands within a sentence.
+
+    >>> within_sentence("Bridges and quays in Dutch surveys")
+    'bridges and quays in Dutch surveys'
+    """
+    return name[:1].lower() + name[1:]
+
+
 def class_label(code: int) -> str:
     """The name of a class, or its number.
 

@@ -7,7 +7,8 @@ the unit.
 Polygons that all have the attributes `id`, `building`, `points` and `cut` are parts of the building
 of that name, as :mod:`algorithms.classify.buildings` finds them: level of detail 1.3. A building of
 several has no block of its own, but one for each of its parts, and the attributes in which these
-agree; its height is their `building_height`, or else that of the highest part. An attribute
+agree; it is `cut` by the edge of the data if any part is, and its height is their
+`building_height`, or else that of the highest part. An attribute
 `building` alone tells no parts: in OpenStreetMap it is `yes` or `house`.
 
 References
@@ -42,7 +43,8 @@ GROUND, TOPS, HEIGHT = "ground", ("mean", "eave", "ridge"), "height"
 ID, RIDGE, FORM = "id", "ridge", "form"
 WHOLE = "building"  # of which a polygon is a part
 WHOLE_HEIGHT = "building_height"
-PART = ("id", WHOLE, "points", "cut")  # what all polygons have if they are parts
+CUT = "cut"  # whether the edge of the data cuts it
+PART = ("id", WHOLE, "points", CUT)  # what all polygons have if they are parts
 _SCALE = 0.001
 _APART = 0.01  # in the unit of the data: between a hole and the ring that it touches
 _SURFACES = ({"type": "GroundSurface"}, {"type": "RoofSurface"}, {"type": "WallSurface"})
@@ -114,6 +116,7 @@ def _with_parents(blocks: Mapping[str, Any], metre: float) -> dict[str, Any]:
             continue
         said = [blocks[key]["attributes"] for key in keys]
         shared = {k: v for k, v in said[0].items() if all(k in one and one[k] == v for one in said)}
+        shared[CUT] = any(one[CUT] for one in said)
         heights = [one["measuredHeight"] for one in said if "measuredHeight" in one]
         if WHOLE_HEIGHT in shared:
             shared["measuredHeight"] = round(float(shared[WHOLE_HEIGHT]) / metre, 3)

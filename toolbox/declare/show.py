@@ -110,6 +110,7 @@ class OfClass:
     ----------
     code : of the class, as LAS files number them
     thin : lines are thin, beside what else is of that class
+    number : attribute with the number by which tables name each feature, written on maps of reports
 
     Examples
     --------
@@ -119,15 +120,20 @@ class OfClass:
 
     layers: ClassVar[tuple[Any, ...]] = (Vector,)
     optional: ClassVar[bool] = False
-    columns: ClassVar[tuple[str, ...]] = ()
     numbers: ClassVar[tuple[str, ...]] = ()
 
     code: int
     thin: bool = False
+    number: str = ""
 
     def __post_init__(self) -> None:
         if self.code not in COLOURS:
             raise TypeError(f"no class of points has the code {self.code}")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the layer must have."""
+        return (self.number,) if self.number else ()
 
     @property
     def colour(self) -> str:
@@ -144,6 +150,11 @@ def colour_of(shows: Sequence[Show], other: str) -> str:
 def is_thin(shows: Sequence[Show]) -> bool:
     """Whether the features of a layer are declared to be thin lines."""
     return any(isinstance(s, Isolines) or (isinstance(s, OfClass) and s.thin) for s in shows)
+
+
+def number_of(shows: Sequence[Show]) -> str:
+    """The attribute with the number of each feature that maps tell; "" if none is declared."""
+    return next((show.number for show in shows if isinstance(show, OfClass)), "")
 
 
 @dataclass(frozen=True)

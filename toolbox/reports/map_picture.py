@@ -49,6 +49,7 @@ def map_png(data: Mapping[str, Any], image: Image | None, width: float = WIDTH) 
     for layer in data["layers"]:
         for group in layer["groups"] if not layer["hidden"] else ():
             _draw(axes, group, x0, y0)
+        _write(axes, () if layer["hidden"] else layer.get("texts", ()), x0, y0)
     axes.set(xlim=(x0 + west, x0 + east), ylim=(y0 + south, y0 + north), aspect="equal")
     axes.set_xlabel(data["axes"][0], fontsize=7, color=INK)
     axes.set_ylabel(data["axes"][1], fontsize=7, color=INK)
@@ -96,11 +97,21 @@ def _draw(axes: Axes, group: Mapping[str, Any], x0: float, y0: float) -> None:
         x, y = np.concatenate(flat).T
         axes.scatter(x, y, s=22, c=colour, edgecolors="white", linewidths=0.7, zorder=4)
         return
-    if group["shape"] == "area":
+    if group["shape"] == "area" and not group.get("open"):
         areas = [Path.make_compound_path(*(Path(p, closed=True) for p in f)) for f in features]
         axes.add_collection(PathCollection(areas, facecolor=f"{colour}66", edgecolor="none"))
     wide = _THIN if group.get("thin") else _LINE
     axes.add_collection(LineCollection(flat, colors=colour, linewidths=wide, zorder=3))
+
+
+def _write(axes: Axes, texts: Sequence[Any], x0: float, y0: float) -> None:
+    """The numbers of features, with a white edge, that they are read upon everything."""
+    from matplotlib.patheffects import withStroke
+
+    edge = [withStroke(linewidth=2, foreground="white")]
+    how: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 5, "clip_on": True}
+    for x, y, text in texts:
+        axes.text(x0 + x, y0 + y, text, fontsize=8, color=INK, path_effects=edge, **how)
 
 
 def _ramp(axes: Axes, key: Ramp, below: float, tall: float) -> None:
@@ -148,7 +159,8 @@ def _of_layers(layers: Sequence[Mapping[str, Any]]) -> Iterator[Any]:
             elif group["shape"] == "line":
                 yield Line2D([], [], color=colour, lw=1.5, label=label)
             else:
-                yield Patch(facecolor=f"{colour}66", edgecolor=colour, label=label)
+                inside = "none" if group.get("open") else f"{colour}66"
+                yield Patch(facecolor=inside, edgecolor=colour, label=label)
 
 
 def _of_image(image: Image | None) -> Iterator[Any]:

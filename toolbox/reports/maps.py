@@ -24,7 +24,7 @@ from toolbox.data.crs import (
 from toolbox.data.layer import Layer
 from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
-from toolbox.declare.show import Classes, Show, Values, colour_of, is_thin
+from toolbox.declare.show import Classes, Show, Values, colour_of, is_thin, number_of
 from toolbox.pictures.draw import Shown, drawable, is_apart
 from toolbox.pictures.features import feature_classes
 from toolbox.pictures.images import (
@@ -41,6 +41,7 @@ from toolbox.reports.map_picture import HALF, map_png
 DRAWING = "Drawing: "  # before the name of a layer that has a map of its own
 _MOST_BASES, _QUALITY = 8, 82  # images that can lie below, and of these in WebP
 _MOST_FEATURES, _MOST_CORNERS = 3000, 60_000  # of a layer, and of all layers together
+_MOST_NUMBERS = 30  # of features of a layer, that they do not lie on each other
 _SPARSE = 0.005  # share of the cells of a raster below which a picture of it is blank
 _CROWDED = 500  # points of a layer, such as corners of outlines, that would hide all others
 _FINEST = 20_000  # steps of coordinates in the width of the map
@@ -116,7 +117,8 @@ def _map(bases: Sequence[Base], layers: Mapping[str, Shown], titles: Mapping[str
     west, south, east, north = _with_margin((x0, y0, x1, y1))
     origin = math.floor(west), math.floor(south)
     step = max(east - west, north - south) / _FINEST
-    overlays, left_out = _overlays(layers, titles, origin, step)
+    on_classes = bool(bases) and not isinstance(bases[0][1].key, Ramp)
+    overlays, left_out = _overlays(layers, titles, origin, step, on_classes=on_classes)
     unit = short_height_unit(crs)
     names = ("x", "y") if crs is None or is_local(crs) else ("Easting", "Northing")
     data = {
@@ -210,9 +212,18 @@ def _webp(rgba: Any) -> str:
 
 
 def _overlays(
-    layers: Mapping[str, Shown], titles: Mapping[str, str], origin: tuple[int, int], step: float
+    layers: Mapping[str, Shown],
+    titles: Mapping[str, str],
+    origin: tuple[int, int],
+    step: float,
+    *,
+    on_classes: bool,
 ) -> tuple[list[dict[str, Any]], int]:
-    """The layers as JSON values, and the number of features for which there is no room."""
+    """The layers as JSON values, and the number of features for which there is no room.
+
+    Areas in colours of a number are outlines where a class is seen by its colour below them: two
+    sets of colours in one place are none.
+    """
     corners = sum(
         int(shapely.get_num_coordinates(layer.frame.geometry.to_numpy()).sum())
         for layer, _ in layers.values()
@@ -229,6 +240,7 @@ def _overlays(
                 "colour": colour or colour_of(shows, next(colours)),
                 "shape": shape,
                 "thin": is_thin(shows),
+                "open": on_classes and isinstance(show, Values),
                 "features": features,
             }
             for text, colour, own in _classes(layer, show, titles[name])
@@ -239,10 +251,22 @@ def _overlays(
             hidden = kept > _CROWDED and {g["shape"] for g in groups} == {"point"}
             title = titles[name]
             layer_data = {"name": title, "table": table, "groups": groups, "hidden": hidden}
+            if number := number_of(shows):
+                layer_data["texts"] = list(_numbers(layer, number, origin, step))
             made.append((show is not None, layer_data))
     # What has colours of its own lies above what has not: errors above their checkpoints.
     made.sort(key=lambda one: (_height(one[1]), one[0]))
     return [layer_data for _, layer_data in made], left_out
+
+
+def _numbers(
+    layer: Vector, number: str, origin: tuple[int, int], step: float
+) -> Iterator[tuple[float, float, str]]:
+    """Place and number of the largest features, as tables have it."""
+    largest = layer.frame.iloc[np.argsort(-layer.frame.area.to_numpy(), kind="stable")]
+    for text, shape in zip(largest[number][:_MOST_NUMBERS], largest.geometry, strict=False):
+        x, y = _corners(shapely.point_on_surface(shape), origin, _digits(step))
+        yield x, y, str(text)
 
 
 def _height(layer: Mapping[str, Any]) -> int:
@@ -267,7 +291,7 @@ def _features(
 ) -> dict[str, list[Any]]:
     """Features by shape, each with its row and the corners of its parts."""
     shapes = shapely.force_2d(layer.frame.geometry.to_numpy())
-    digits = max(0, math.ceil(-math.log10(step)))
+    digits = _digits(step)
     made: dict[str, list[Any]] = {}
     for row in rows.tolist():
         shape = shapes[row]
@@ -279,6 +303,11 @@ def _features(
         parts = [_corners(ring, origin, digits) for ring in _rings(shape)]
         made.setdefault(_SHAPES[-1 - dimension], []).append([row, parts])
     return made
+
+
+def _digits(step: float) -> int:
+    """Digits after the point of coordinates in such steps."""
+    return max(0, math.ceil(-math.log10(step)))
 
 
 def _rings(shape: Any) -> Iterator[Any]:

@@ -6,6 +6,7 @@ import numpy as np
 from pyproj import CRS
 
 import toolbox
+from toolbox import catalog
 from toolbox.data import PointCloud
 
 
@@ -22,3 +23,12 @@ def test_bridges_and_quays_of_dutch_surveys_stay_unless_they_are_not_named() -> 
     assert (kept[~deck] == 2).mean() > 0.95
     lost = toolbox.run("models.urban_classes", {**values, "keep_classes": "17"})["classified"]
     assert not (lost["classification"] == 26).any()
+
+
+def test_a_set_says_what_its_confidences_are() -> None:
+    """The word was a heading in the report, and a column in the README, and nothing else."""
+    spec = catalog.load("models.urban_classes")
+    assert "confidence: share of points on planes" in spec.outputs["outlines"].help
+    assert "Share of the points" in spec.outputs["outlines"].columns["confidence"].meaning
+    (points,) = (one for one in spec.deliver if one.file == "classified.laz")
+    assert "confidence, 0 doubtful to 1 clear" in points.help

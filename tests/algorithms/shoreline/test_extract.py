@@ -32,7 +32,9 @@ from algorithms.shoreline.extract import ShorelineExtract, open_edges
 from toolbox.data import PointCloud, Survey
 from toolbox.declare import ClassList, Position
 from toolbox.errors import DataError
+from toolbox.reports.units import in_both
 
+FOOT = ("ft", 0.3048)
 MIDDLE = Position(ORIGIN[0] + 50, ORIGIN[1] + 50)
 ORIGIN_OF_SCENES = waters.ORIGIN[:2]
 CIRCLE = shapely.Point(MIDDLE).buffer(RADIUS, quad_segs=90)
@@ -638,6 +640,19 @@ def test_a_pit_that_one_flight_covers_beside_two_is_no_water(seed: int) -> None:
     assert extract(pit(seed, returned=0.35), bodies="all").count == 1
 
 
+def test_sizes_in_feet_are_those_of_tables_and_not_of_whole_metres(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The edge of 208.4 m, 684 ft in the table, was 682 ft in the text: those of 208 m."""
+    rows = [{"body": 1, "open_length": 208.4, "perimeter": 1893.4}]
+    said = in_both(open_edges(rows, FOOT), FOOT)
+    assert "208 m (684 ft) of 1893 m (6212 ft) of its outline" in said
+    cells: Any = SimpleNamespace(metre=1 / FOOT[1], own=FOOT)
+    water: Any = SimpleNamespace(number=4, area=39231.5)
+    monkeypatch.setattr(_water, "place_of", lambda *_: (1.0, 2.0))
+    assert _water.name_of(cells, water) == "water body 4 (3645 m2 (39232 ft²), at 1.0,2.0)"
+
+
 def test_waters_that_the_data_cut_are_told_in_one_line() -> None:
     rows = [
         {"body": k, "open_length": 10.0 * (k != 2), "perimeter": 90.0}
@@ -645,12 +660,12 @@ def test_waters_that_the_data_cut_are_told_in_one_line() -> None:
     ]
     assert open_edges(rows) == (
         "7 water bodies meet the edge of the data, where their outlines are no shore: body 1, "
-        "10 of 90 m; body 3, 10 of 90 m; body 4, 10 of 90 m; body 5, 10 of 90 m; body 6, 10 of "
-        "90 m; and 2 more"
+        "10 m of 90 m; body 3, 10 m of 90 m; body 4, 10 m of 90 m; body 5, 10 m of 90 m; body 6, "
+        "10 m of 90 m; and 2 more"
     )
     assert open_edges(rows[1:2]) == ""
     both = [rows[0], {"body": 1, "open_length": 5.0, "perimeter": 20.0}]
-    assert open_edges(both).startswith("water body 1: 15 of 110 m of its outline"), "of two parts"
+    assert open_edges(both).startswith("water body 1: 15 m of 110 m of its outline"), "of two parts"
 
 
 @pytest.mark.parametrize("shape", [(-1, 0), (0, 1), (0.7, 0.7)])

@@ -33,6 +33,13 @@ def test_a_cell_has_the_class_of_most_first_returns() -> None:
     ]
 
 
+def test_names_of_classes_within_a_sentence_keep_the_capitals_of_names() -> None:
+    """Areas were of "bridges and quays in dutch surveys"."""
+    found = SurfaceLandCover(points=cloud(at((0.5, 0.5), (1.5, 0.5)), [2, 26])).run()
+    said = found.in_words()
+    assert ": ground 0 m² (50.0 %), bridges and quays in Dutch surveys 0 m² (50.0 %)." in said
+
+
 def test_areas_make_up_the_extent_of_the_points() -> None:
     """Cells on the border of a tile of 7.2 x 3.4 m counted whole: 32 m2 for 24.48."""
     x, y = np.meshgrid(np.linspace(0.4, 7.6, 73), np.linspace(0.3, 3.7, 35))

@@ -275,6 +275,15 @@ def test_parts_are_those_of_their_building(tmp_path: Path) -> None:
     assert volumes == pytest.approx([160 * 6.5, 160 * 30, 80 * 6.5])
 
 
+@pytest.mark.parametrize("cut", [[False, True], [True, True], [False, False]])
+def test_a_building_is_cut_if_a_part_of_it_is(cut: list[bool], tmp_path: Path) -> None:
+    """It said nothing where one part was cut and another was not."""
+    frame = town(shapely.box(0, 0, 20, 8), shapely.box(20, -4, 30, 12)).frame
+    frame = frame.assign(id=["a", "b"], building="c", points=100, cut=cut)
+    objects = saved(Vector(frame), tmp_path)["CityObjects"]
+    assert objects["building-c"]["attributes"]["cut"] is any(cut)
+
+
 @pytest.mark.parametrize("metre", [1.0, 3937 / 1200])
 def test_a_building_has_the_height_of_its_outline(metre: float, tmp_path: Path) -> None:
     """A dormer counts for the building alone: it was 1.35 m lower in CityJSON than its outline."""

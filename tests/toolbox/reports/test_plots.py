@@ -114,6 +114,33 @@ def test_things_have_the_colour_of_their_class_on_maps_in_space_and_in_dialogs()
     assert {name: asked[name] for name in made} == expected
 
 
+def test_parts_in_colours_of_their_height_are_outlines_above_classes() -> None:
+    """Their fill lay over the colours of the classes, and neither could be read."""
+    spec = catalog.load("models.urban_classes")
+    houses = layer([shapely.box(0, 0, 9, 9), shapely.box(20, 0, 40, 30)], height=[3.0, 9.0])
+    points = cloud().with_attributes({"classification": np.full(5000, 6, np.uint8)})
+    made = {"building_parts": houses, "outlines": houses}
+    for below, is_open in ((points, True), (cloud(), False)):
+        ((_, plot),) = maps_of(spec, made, {"points": below.without_attributes(["intensity"])})
+        groups = {g["name"]: g["open"] for one in plot.data["layers"] for g in one["groups"]}
+        assert groups.pop("Outlines of buildings") is False
+        assert set(groups.values()) == {is_open}
+
+
+def test_waters_have_their_numbers_on_the_map() -> None:
+    """Tables and warnings name them by number, and no map told which is which."""
+    ponds = [shapely.box(0, 0, 9, 9), shapely.box(20, 20, 60, 60)]
+    spec = catalog.load("shoreline.extract")
+    ((_, plot),) = maps_of(spec, {"water": layer(ponds, body=[2, 1])}, {"points": cloud()})
+    (water,) = plot.data["layers"]
+    west, south, east, north = plot.data["bounds"]
+    found = [(text, west < x < east, south < y < north) for x, y, text in water["texts"]]
+    assert found == [("1", True, True), ("2", True, True)]
+    many = layer([shapely.box(k, 0, k + 1, 9) for k in range(99)], body=list(range(99)))
+    ((_, plot),) = maps_of(spec, {"water": many}, {"points": cloud()})
+    assert len(plot.data["layers"][0]["texts"]) == 30, "more would lie on each other"
+
+
 def test_errors_lie_above_the_checkpoints_that_they_are_of() -> None:
     spots = [shapely.Point(10, 10, 3), shapely.Point(20, 10, 3)]
     shown = {"errors": layer(spots, error=[-0.1, 0.1])}

@@ -109,7 +109,7 @@ def test_sizes_in_texts_are_told_in_both_units_once(text: str, said: str) -> Non
 
 
 def test_texts_in_both_units_are_in_the_language_of_the_user() -> None:
-    text = "water body 3: 51 of 265 m of its outline is the edge of the data, not a shore"
+    text = "water body 3: 51 m of 265 m of its outline is the edge of the data, not a shore"
     with language.speaking("tr"):
         said = in_both(text, FOOT)
         assert said != text

@@ -106,7 +106,7 @@
     const made = { type: "scatter", name: group.name, visible: layer.hidden ? "legendonly" : true, legendgroup: layer.name, legendgrouptitle: { text: layer.name }, hoverinfo: "skip", ...all };
     if (group.shape === "point") return { ...made, mode: "markers", marker: { size: group.features.length > 500 ? 5 : 9, color: group.colour, line: { width: 1, color: "#fff" } } };
     const line = { color: group.colour, width: group.thin ? 1 : 2 };
-    if (group.shape === "line") return { ...made, mode: "lines", line };
+    if (group.shape === "line" || group.open) return { ...made, mode: "lines", line };
     return { ...made, mode: "lines", line, fill: "toself", fillcolor: group.colour + "66" };
   };
   const keyOf = (key) => {
@@ -152,6 +152,8 @@
     const image = (base) => base ? [{ source: base.source, xref: "x", yref: "y", layer: "below", sizing: "stretch", x: data.x0 + base.bounds[0], y: data.y0 + base.bounds[3], sizex: base.bounds[2] - base.bounds[0], sizey: base.bounds[3] - base.bounds[1] }] : [];
     const groups = data.layers.flatMap((layer) => layer.groups.map((group) => [layer, group]));
     const traces = groups.map(([layer, group]) => traceOf(data, layer, group));
+    for (const { texts = [] } of data.layers) if (texts.length) // numbers, as tables have them
+      traces.push({ type: "scatter", mode: "text", x: texts.map(([x]) => data.x0 + x), y: texts.map(([, y]) => data.y0 + y), text: texts.map(([, , text]) => `<b>${text}</b>`), textfont: { color: "#1f2328", shadow: "0 0 3px #fff, 0 0 3px #fff" }, showlegend: false, hoverinfo: "skip" });
     traces.push({ type: "scatter", x: [null], y: [null], mode: "markers+lines", showlegend: false, hoverinfo: "skip", line: { color: "#ffd400", width: 5 }, marker: { size: 18, color: "rgba(0,0,0,0)", line: { color: "#ffd400", width: 4 } } });
     if (traces.length === 1) traces.unshift({ type: "scatter", x: [data.x0 + west, data.x0 + east], y: [data.y0 + south, data.y0 + north], mode: "none", showlegend: false, hoverinfo: "skip" });
     const phone = innerWidth < 640;

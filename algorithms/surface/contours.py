@@ -14,6 +14,7 @@ from algorithms.shared.heights import heights_problem
 from algorithms.surface._smooth import smoothed
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
+from toolbox.data.crs import own_unit, unit_of_heights
 from toolbox.data.report import Column
 from toolbox.declare import outputs, param, sink, source, tool
 from toolbox.declare.show import Isolines, Texts
@@ -128,6 +129,17 @@ class SurfaceContours:
         largest_move: float = sink(
             "Largest change of a height by smoothing", unit="m", label="Largest change"
         )
+
+        def in_words(self) -> str:
+            """How many levels have lines, and how far smoothing has moved heights."""
+            said = f"Contours are at {self.levels} levels."
+            if not self.largest_move:
+                return said
+            own = own_unit(self.largest_move, unit_of_heights(self.contours.crs))
+            return (
+                f"{said} They are smooth, for which no height was moved by more than "
+                f"{self.largest_move:.3f} m{own}."
+            )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The heights have the unit in which the interval is given."""

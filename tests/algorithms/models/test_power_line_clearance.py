@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 import toolbox
 from algorithms.corridor._clearance.objects import groups
+from toolbox import catalog
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import ParameterError
 from toolbox.tiles.tiling import Tiling
@@ -226,3 +227,14 @@ def test_tiles_smaller_than_a_span_give_what_the_whole_gives(
     for name in ("spans", "report"):  # how it was made counts the cells of each tile
         one, other = (files[name].read_text().partition(">How it was made<") for files in made)
         assert one[0] == other[0]
+
+
+def test_the_readme_says_in_which_state_wires_are_drawn() -> None:
+    """Who opens the drawing could take them for the wires at their greatest sag."""
+    drawn = [
+        one.help
+        for one in catalog.load("models.power_line_clearance").deliver
+        if one.output == "wires" or one.file in ("line.kmz", "line.dxf")
+    ]
+    assert len(drawn) == 3
+    assert all("as surveyed" in text for text in drawn)

@@ -274,6 +274,9 @@ def test_smoothing_moves_no_height_by_more_than_the_tolerance() -> None:
     plain = SurfaceContours(surface=raster(rough())).run()
     assert 0.1 < found.largest_move <= 0.25 + 1e-9
     assert plain.largest_move == 0.0
+    moved = f"no height was moved by more than {found.largest_move:.3f} m."
+    assert moved in found.in_words(), "a set said that lines are smooth within a tolerance alone"
+    assert "smooth" not in plain.in_words()
     smooth, crooked = (float(f.contours.frame.length.sum()) for f in (found, plain))
     assert smooth < 0.85 * crooked
     assert len(found.contours) < 0.5 * len(plain.contours)

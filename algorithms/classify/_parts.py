@@ -164,9 +164,9 @@ def tiles(
     shapes = _joined(pieces, part)
     if len(shapes) == 1:
         return [Part(outline, own)]
+    number = _holding(shapes, shapely.point_on_surface(pieces))  # while they are where they were
     shapes = shapely.coverage_simplify(shapes, 2 * tolerance, simplify_boundary=False)
     shapes = shapely.coverage_simplify(shapes, TOUCH)  # corners where lines met the outline
-    number = _holding(shapes, shapely.point_on_surface(pieces))
     return [Part(shape, own & (number[piece] == k)) for k, shape in enumerate(shapes)]
 
 

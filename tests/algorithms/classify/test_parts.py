@@ -130,6 +130,21 @@ def test_a_tower_in_a_wide_roof_leaves_a_hole() -> None:
     assert sorted(len(shape.interiors) for shape in parts.frame.geometry) == [0, 1]
 
 
+def test_parts_of_sparse_points_keep_the_points_of_their_level() -> None:
+    """Straightened walls moved a part off the place by which its points were found: it had none."""
+    boxes = {
+        (-32, -32, 32, 32): 5.0,
+        (-4, -12, 12, 5): 8.0,
+        (5, -19, 22, -10): 12.0,
+        (9, -18, 16, 0): 18.0,
+        (7, -16, 19, 0): 16.0,
+    }
+    blocks = [(shapely.box(*box), height) for box, height in boxes.items()]
+    row, parts = the_parts(survey(*blocks, seed=4, density=0.5))
+    assert row.parts > 2
+    assert np.isfinite(parts.frame[["mean", "ridge", "eave"]]).all(axis=None)
+
+
 def test_outlines_as_the_points_lie_have_straight_walls_between_parts() -> None:
     _, parts = the_parts(survey(TOWER, WING), outline="alpha")
     low, high = parts.frame.sort_values("mean").geometry

@@ -194,10 +194,12 @@ def test_assumed_crs_does_not_replace_a_known_one(caplog: pytest.LogCaptureFixtu
     assert "four.laz states its CRS" in caplog.text
 
 
-@pytest.mark.parametrize("word", ["local", "local:mm"])
+@pytest.mark.parametrize(("word", "metre"), [("local", 1), ("local:mm", 1000)])
 @pytest.mark.parametrize("suffix", [".laz", ".las", ".ply"])
-def test_a_local_crs_is_stated_once_for_a_chain(suffix: str, word: str, tmp_path: Path) -> None:
-    xyz = np.random.default_rng(1).uniform(0, 9000, (300, 3)).round()
+def test_a_local_crs_is_stated_once_for_a_chain(
+    suffix: str, word: str, metre: int, tmp_path: Path
+) -> None:
+    xyz = np.random.default_rng(1).uniform(0, 90 * metre, (300, 3)).round()
     PointCloud(xyz, {"classification": np.full(300, 2, np.uint8)}).save(tmp_path / "a.laz")
     chosen, grid, shapes = (tmp_path / name for name in (f"b{suffix}", "c.tif", "d.gpkg"))
     values = {"points": tmp_path / "a.laz", "where": "z > 1", "kept": chosen}

@@ -86,8 +86,8 @@ def grid(
     if method in STATISTICS:
         statistic = cast(Statistic, method)
         bands = Bands(*per_cell(xy, values, lattice, statistic, percentile=percentile, ctx=working))
-    elif method == "linear" and not (support or uncertainty):
-        bands = _linear(xy, values, lattice, gap, ctx)
+    elif method == "linear" and not uncertainty:
+        bands = _linear(xy, values, lattice, gap, working)
     else:
         xy, values = averaged(xy, values, ctx=ready)
         if method in TRIANGLES:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from algorithms.classify._flatness import FLAT
 from algorithms.shared.kernels.sorting import stable
+from algorithms.shared.kernels.squares import numbered
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import ReturnNumbers
 from toolbox.context import QUIET, Context, log
@@ -45,9 +46,8 @@ def _spacing(xyz: NDArray[np.float64], metre: float) -> float:
     if not len(xyz):
         return 1.0
     positions, _ = once_each(xyz)
-    col, row = (np.floor(positions[:, axis] / (CELL * metre)) for axis in (0, 1))
-    cell = (col - col.min()) * (row.max() - row.min() + 1) + (row - row.min())
-    _, cells = stable(cell.astype(np.int64))
+    positions.flags.writeable = False  # kernels would be compiled for writable ones once more
+    _, cells = stable(numbered(positions, CELL * metre, 0)[0])
     edges = np.flatnonzero(np.diff(cells, prepend=-1, append=-1))
     per_area = float(np.median(np.diff(edges))) / CELL**2
     return float(2.0 ** (-np.rint(np.log2(per_area)) / 2))

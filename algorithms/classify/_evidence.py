@@ -26,6 +26,7 @@ from algorithms.shared.kernels.sorting import sums_around
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers, let_through
+from algorithms.shared.selection import of_classes
 from algorithms.shared.terrain import HALO as GROUND_HALO
 from algorithms.shared.terrain import find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context, digest, log, setting_name
@@ -111,7 +112,7 @@ class PointFeatures:
         """
         cloud, ctx = self.cloud, self.ctx.part(0.0, 0.4)
         if self.ground_classes is not None:
-            ground = np.isin(cloud["classification"], self.ground_classes) & ~is_withheld(cloud)
+            ground = of_classes(cloud["classification"], self.ground_classes) & ~is_withheld(cloud)
             if HEIGHT in cloud:
                 return ground, given_heights(cloud)
             bare, metre = _frozen(self.xyz.compress(ground, axis=0)), cloud.metre

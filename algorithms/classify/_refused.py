@@ -34,7 +34,7 @@ def steep_regions(
     lengths : of which the spacing tells where the data end
     """
     above, metre = features.terrain[1] > FOOT, features.cloud.metre
-    at_edge = cut(list(shapes), features.xyz[:, :2], lengths.spacing, metre)
+    at_edge = cut(list(shapes), features.xyz, lengths.spacing, metre, ctx=features.ctx)
     rows = []
     for shape, there in zip(shapes, at_edge, strict=True):
         inside = features.within(shape, above)

@@ -129,11 +129,11 @@ def bodies(
     """
     xyz, height, metre = features.xyz, features.terrain[1], features.cloud.metre
     alpha = max(APART * metre, BY_SPACING * spacing)
-    shapes = _outlines(xyz[some, :2], alpha, ctx)
+    shapes = _outlines(xyz.compress(some, axis=0)[:, :2], alpha, ctx)
     shapes = shapes[shapely.area(shapes) >= SMALLEST * metre**2]
     shapes = shapes[~surely_wide(shapes, WIDEST * metre)]
     shapes = shapes[shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2))]
-    shapes = shapes[standing_free(shapes, xyz[height < FOOT, :2], metre) >= FREE]
+    shapes = shapes[standing_free(shapes, xyz.compress(height < FOOT, axis=0), metre) >= FREE]
     for shape in shapes:
         inside = features.within(shape.buffer(TOUCHING * metre), some)
         away = margin(len(inside) / shape.area, alpha)
@@ -191,7 +191,7 @@ def standing_free(shapes: Shapes, low: Floats, metre: float) -> Floats:
     Parameters
     ----------
     shapes : polygons, array of shape (m,)
-    low : points at the height of the ground, array of shape (k, 2)
+    low : points at the height of the ground, array of shape (k, 2) or (k, 3)
     metre : length of one metre in their unit
     """
     if not len(shapes) or not len(low):
@@ -199,7 +199,7 @@ def standing_free(shapes: Shapes, low: Floats, metre: float) -> Floats:
     reach = AROUND * metre
     around = shapely.segmentize(shapely.boundary(shapely.buffer(shapes, reach)), metre)
     places, owner = shapely.get_coordinates(around, return_index=True)
-    low = low[may_be_near(low, places, reach)]
+    low = low[may_be_near(low, places, reach), :2]
     away = np.asarray(cKDTree(low).query(places, distance_upper_bound=reach)[0])
     return np.asarray(np.bincount(owner, np.isfinite(away)) / np.bincount(owner))
 

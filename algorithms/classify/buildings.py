@@ -48,6 +48,7 @@ from algorithms.shared.lowest import blocks
 from algorithms.shared.neighbours import PointTree
 from algorithms.shared.parameters import NAMED_STRUCTURES
 from algorithms.shared.polygons import Polygons
+from algorithms.shared.selection import of_classes
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
 from toolbox.declare import ClassList, Share, outputs, param, show, sink, source, tool
@@ -282,7 +283,7 @@ class ClassifyBuildings:
     def _features(self, part: Mask, lengths: Lengths, ctx: Context) -> _evidence.PointFeatures:
         """The points that take part, with their features."""
         cloud = self.points if part.all() else self.points.select(part)
-        if not np.isin(cloud["classification"], self.ground_classes).any():
+        if not of_classes(cloud["classification"], self.ground_classes).any():
             raise NothingToDo(
                 f"points: none is of class {self.ground_classes}; classify ground first",
                 instead=self._packed(np.zeros(len(part), bool), part, [], [], []),
@@ -387,8 +388,8 @@ class ClassifyBuildings:
                 rows.append(row | highest(row, own))
                 parts += [part | {"building_height": rows[-1]["height"]} for part in own]
         outlined = [row["geometry"] for row in rows + parts]
-        xy = self.points.xyz[:, :2]
-        at_edge = cut(outlined, xy, lengths.spacing, self.points.metre)
+        xyz, metre = self.points.xyz, self.points.metre
+        at_edge = cut(outlined, xyz, lengths.spacing, metre, ctx=ctx)
         for row, there in zip(rows + parts, at_edge, strict=True):
             row["cut"] = bool(there)
         if narrow:
@@ -444,7 +445,7 @@ class ClassifyBuildings:
     ) -> ClassifyBuildings.Outputs:
         cloud = self.points
         old = cloud["classification"]
-        free = part & ~np.isin(old, self.keep_classes or ())
+        free = part & ~of_classes(old, self.keep_classes or ())
         classes = np.where(free & (old == BUILDING), OTHER, old)
         classes = np.where(free & found, BUILDING, classes).astype(np.uint8)
         return self.Outputs(

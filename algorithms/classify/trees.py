@@ -35,6 +35,8 @@ from algorithms.shared.alpha_shape import alpha_shapes_of_groups
 from algorithms.shared.data_edge import cut
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.heights import HEIGHT
+from algorithms.shared.kernels.sorting import stable
+from algorithms.shared.selection import of_classes
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
 from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
@@ -167,7 +169,7 @@ class ClassifyTrees:
         cloud = self.points
         if not len(cloud):
             return self._packed([])
-        is_ground = np.isin(cloud["classification"], self.ground_classes)
+        is_ground = of_classes(cloud["classification"], self.ground_classes)
         if not is_ground.any() and HEIGHT not in cloud:
             raise NothingToDo(
                 f"points: none is of class {self.ground_classes}; classify ground first",
@@ -178,7 +180,7 @@ class ClassifyTrees:
             cloud, lengths.radius, lengths.context, ctx, ground_classes=self.ground_classes
         )
         height = features.terrain[1]
-        some = np.isin(cloud["classification"], self.classes) & (
+        some = of_classes(cloud["classification"], self.classes) & (
             height * cloud.metre >= self.min_height
         )
         some = without_withheld(cloud, some, ctx)
@@ -201,7 +203,7 @@ class ClassifyTrees:
         rows = list(self._rows(np.flatnonzero(some), tree, height, lengths, ctx.part(0.8, 1.0)))
         rows = self._without_spires(rows)
         crowns = [row["crown"] for row in rows]
-        at_edge = cut(crowns, cloud.xyz[:, :2], lengths.spacing, cloud.metre)
+        at_edge = cut(crowns, cloud.xyz, lengths.spacing, cloud.metre, ctx=ctx)
         rows = [row | {"cut": bool(there)} for row, there in zip(rows, at_edge, strict=True)]
         ctx.progress(1.0)
         return self._packed(rows)
@@ -213,15 +215,15 @@ class ClassifyTrees:
         cloud, core = self.points, self.points.core  # of all points, which takes time to make
         number = np.unique(tree, return_inverse=True)[1]
         crowns = outlines(cloud.xyz[some, :2], number, lengths.alpha, ctx)
-        order = np.lexsort((-height[some], number))
         ends = np.cumsum(np.bincount(number))[:-1]
-        for crown, own in zip(crowns, np.split(some[order], ends), strict=True):
+        for crown, own in zip(crowns, np.split(some[stable(number)[0]], ends), strict=True):
             if crown is None or crown.area < self.min_crown:
                 continue
-            x, y, z = cloud.xyz[own[0]]
+            top = own[height[own].argmax()]
+            x, y, z = cloud.xyz[top]
             yield {
                 "id": name_of(crown),
-                "height": float(height[own[0]]) * cloud.metre,
+                "height": float(height[top]) * cloud.metre,
                 "elevation": float(z),
                 "crown_area": crown.area,
                 "crown_diameter": float(2 * np.sqrt(crown.area / np.pi)),
@@ -229,7 +231,7 @@ class ClassifyTrees:
                 "own": own,
                 "top": shapely.Point(x, y),
                 "crown": crown,
-                "core": bool(core[own[0]]),
+                "core": bool(core[top]),
             }
 
     def _without_spires(self, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -24,6 +24,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import among, taking_part
 from algorithms.shared.parameters import NAMED_STRUCTURES, SURFACES
 from algorithms.shared.polygons import Polygons, polygons
+from algorithms.shared.selection import of_classes
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 from toolbox.data.crs import crs_conflict
@@ -141,7 +142,7 @@ class ClassifyUrban:
         if not len(cloud):
             return self._packed(classes, confidence)
         bare = ClassList([int(GROUND), *among(self.keep_classes, SURFACES)])
-        if not np.isin(chosen["classification"], bare).any():
+        if not of_classes(chosen["classification"], bare).any():
             raise NothingToDo(
                 f"points: none is of class {bare}; classify ground first",
                 instead=self._packed(classes, confidence),
@@ -159,7 +160,8 @@ class ClassifyUrban:
         if not features.has_several_returns:
             log.warning("no pulse has several returns: %s", self._without_returns)
         classes[part] = self._judged(features, lengths.spacing, ctx.part(0.9, 1.0))
-        confidence[part] = np.where(np.isin(classes[part], (*bare, WATER)), 1.0, clear(features))
+        told = of_classes(classes[part], (*bare, int(WATER)))
+        confidence[part] = np.where(told, 1.0, clear(features))
         ctx.progress(1.0)
         return self._packed(classes, confidence)
 
@@ -180,7 +182,7 @@ class ClassifyUrban:
         wet = np.zeros(len(cloud), bool)
         if self.water is not None:
             wet[low] = Polygons.of(polygons(sure(self.water), "water")).hold(cloud.xyz[low])
-        free = ~np.isin(classes, self.keep_classes or ())
+        free = ~of_classes(classes, self.keep_classes or ())
         left = free & ~ground & ~built & ~wet
         plant = ~(solid(features) & (features.around["planarity"] >= self.planarity))
         plant &= features.around["returns"] >= self.penetration
@@ -196,7 +198,7 @@ class ClassifyUrban:
         core = self.points.core
 
         def share(*kinds: int) -> Share:
-            return Share.of_points(np.isin(classes, kinds), core)
+            return Share.of_points(of_classes(classes, kinds), core)
 
         return self.Outputs(
             classified=self.points.with_attributes(

@@ -232,7 +232,7 @@ def _small_patches(mesh: Mesh, kept: Mask, threshold: float) -> tuple[Mask, Mask
     areas = _of_triangles(kernels.areas_block, mesh, QUIET)
     small = np.bincount(patch, areas, minlength=count) < threshold
     rim = np.zeros(count, bool)
-    rim[patch[(mesh.neighbours < 0).any(axis=1)]] = True
+    rim[patch[np.nonzero(mesh.neighbours < 0)[0]]] = True
     return small[patch], rim[patch]
 
 

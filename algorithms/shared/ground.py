@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.parameters import DUTCH_STRUCTURES, NAMED_STRUCTURES, SURFACES
 from algorithms.shared.returns import ReturnNumbers, let_through, warn_of_missing
+from algorithms.shared.selection import of_classes
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud
 from toolbox.declare import Share
@@ -45,7 +46,7 @@ def taking_part(cloud: PointCloud, *without: Sequence[int] | None) -> Mask:
     """
     part = ~is_withheld(cloud)
     if "classification" in cloud:
-        part &= ~np.isin(cloud["classification"], [*chain(*(some or () for some in without))])
+        part &= ~of_classes(cloud["classification"], [*chain(*(some or () for some in without))])
     return part
 
 
@@ -182,8 +183,8 @@ class Candidates:
         """
         cloud, ground = self.cloud, self._of_all(found)
         old = cloud["classification"] if "classification" in cloud else np.zeros(len(cloud), "u1")
-        still = np.isin(old, among(self.keep, SURFACES))  # a class of its own on the ground, too
-        kept = np.where(ground, still, np.isin(old, self.keep) & (old != GROUND))
+        still = of_classes(old, among(self.keep, SURFACES))  # a class of its own on the ground, too
+        kept = np.where(ground, still, of_classes(old, self.keep) & (old != GROUND))
         classes = np.where(ground, GROUND, OTHER)
         classes = np.where(kept | ~self.part, old, classes).astype(np.uint8, copy=False)
         self._tell_lost(old, classes)

@@ -45,7 +45,7 @@ def once_each(xyz: Array) -> tuple[Array, NDArray[np.int64] | slice]:
     place = np.cumsum(kept) - 1
     place[some] = place[some[np.maximum.accumulate(np.where(again, 0, np.arange(len(some))))]]
     log.info("%d points share their place with another", np.count_nonzero(again))
-    return xyz[kept], place
+    return xyz.compress(kept, axis=0), place
 
 
 def _bytes_for(points: int) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Literal
 
 import numpy as np
@@ -17,6 +17,22 @@ from toolbox.errors import NothingToDo
 ReturnKind = Literal[
     "all", "first", "last", "only", "intermediate", "first_of_many", "last_of_many"
 ]
+
+
+def of_classes(given: NDArray[np.integer], classes: Iterable[int]) -> NDArray[np.bool_]:
+    """True for points whose class is one of some, array of shape (n,).
+
+    np.isin takes ten times as long for numbers of 8 bits.
+
+    Examples
+    --------
+    >>> of_classes(np.array([2, 6, 9], np.uint8), (2, 9))
+    array([ True, False,  True])
+    """
+    found = np.zeros(len(given), bool)
+    for one in classes:
+        found |= given == one
+    return found
 
 
 def choice_problems(
@@ -54,7 +70,7 @@ def chosen(
     """
     keep = np.ones(len(cloud), bool)
     if classes:
-        keep &= np.isin(cloud["classification"], classes)
+        keep &= of_classes(cloud["classification"], classes)
     if returns != "all":
         keep &= return_mask(ReturnNumbers.of(cloud), returns)
     if where:

@@ -22,9 +22,9 @@ def radii_block(xy, triangles, first, last, radii):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
         product = (
-            math.hypot(bx - ax, by - ay)
-            * math.hypot(cx - bx, cy - by)
-            * math.hypot(ax - cx, ay - cy)
+            math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)  # hypot would take four times as long
+            * math.sqrt((cx - bx) ** 2 + (cy - by) ** 2)
+            * math.sqrt((ax - cx) ** 2 + (ay - cy) ** 2)
         )
         radii[t] = product / (2.0 * orient(ax, ay, bx, by, cx, cy))
 

@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from algorithms.shared.data_edge import GAP, cut
+from toolbox.context import Context
 
 
 def survey(gap: float) -> np.ndarray:
@@ -28,3 +29,12 @@ def test_units_and_places_do_not_matter() -> None:
     moved = [shapely.transform(s, lambda p: p / foot + 1e6) for s in shapes]
     assert cut(moved, xy / foot + 1e6, 0.5 / foot, 1 / foot).tolist() == [True, False]
     assert cut([], xy, 0.5, 1.0).shape == (0,)
+
+
+def test_steps_share_the_edge_of_the_same_points_alone() -> None:
+    ctx, beside = Context().keeping(), [shapely.box(50, 40, 59.9, 50)]
+    for gap, ends in ((0.0, False), (2.4 * GAP, True), (0.0, False)):
+        assert cut(beside, survey(gap), 0.5, 1.0, ctx=ctx).tolist() == [ends]
+    assert cut(beside, survey(0.0), 0.5, 1.0, ctx=ctx).tolist() == [False]
+    assert ctx.kept is not None
+    assert set(ctx.kept) == {"edge"}

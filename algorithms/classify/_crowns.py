@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify._evidence import FOOT, LET_THROUGH, PointFeatures
+from algorithms.classify._roofs import STEEPEST
 
 STEEP = 50.0  # degrees: sides of crowns are steeper, and most roofs flatter
-SIDES = 0.25  # share of the points on planes that lie on such sides
+SIDES = 0.25  # share of the points on planes, but for walls, that lie on such sides
 TORN = 1 / 3  # share of all points that lie on no plane: on a spire or a steep roof few do
 CLOSED = LET_THROUGH / 2  # share of pulses that go on after edges of a roof; more in trees
 LOW = 0.25  # of the height of a region: what is lower is the foot of its walls
@@ -35,11 +36,12 @@ def crowns(shapes: NDArray[Any], features: PointFeatures, planes: Mask) -> Mask:
     planes : array of shape (n,), those that look like a roof and lie on planes
     """
     above = features.terrain[1] > FOOT
-    least = np.cos(np.radians(STEEP))
+    least, wall = np.cos(np.radians(STEEP)), np.cos(STEEPEST)
     found = []
     for shape in shapes:
         inside = features.within(shape, above)
         upright = abs(features.planes[1][inside[planes[inside]], 2])
+        upright = upright[upright >= wall]
         sides = np.mean(upright < least) if len(upright) else 0.0
         steep = sides >= SIDES and 1 - planes[inside].mean() >= TORN
         found.append(steep and not has_walls(features, inside))

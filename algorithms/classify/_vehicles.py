@@ -46,6 +46,7 @@ FREE = 0.75  # share of its sides that must have ground beside; an annexe has a 
 EDGE = 0.75  # metres inside of an outline where pulses pass roofs and meet the ground
 SEEN = 0.1  # share of ground among the points within that no roof has
 FEWEST = 2  # points on the ground that may be an accident
+STRIP = 1 / 3  # share of ground in a strip without an inside: more among wires, not beside walls
 LOWEST = 0.3  # metres above the ground, from which on bodies are looked at
 LOW_CAR, CAR = 1.1, 6.5  # metres, least height of a car and length; what is longer is a row,
 WIDE = 1.6  # metres, and no hedge if it is as wide as cars
@@ -145,6 +146,15 @@ def bodies(
             yield Body(shape, inside, width / metre, (long + 2 * away) / metre, top)
 
 
+def as_narrow_and_low(shapes: Shapes, features: PointFeatures) -> Mask:
+    """True for outlines in which no disc as wide as vehicles has room, and no higher than these."""
+    metre, height = features.cloud.metre, features.terrain[1]
+    narrow = shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2))
+    around = shapely.buffer(shapes, TOUCHING * metre)
+    top = [np.percentile(height[features.within(shape)], TOP) for shape in around]
+    return np.asarray(narrow & (np.asarray(top) <= HIGHEST))
+
+
 def _outlines(xy: Floats, alpha: float, ctx: Context) -> Shapes:
     """Polygons without holes around points of shape (n, 2) that are near each other."""
     try:
@@ -207,12 +217,17 @@ def standing_free(shapes: Shapes, low: Floats, metre: float) -> Floats:
 def ground_seen(shapes: Shapes, features: PointFeatures) -> Floats:
     """Share of ground among the points well inside of outlines, array of shape (m,).
 
-    It is 0 if there are only FEWEST points on the ground.
+    It is 0 if there are only FEWEST points on the ground. A strip that has no inside is wires side
+    by side if more than STRIP of all its points are on the ground.
     """
     metre, ground = features.cloud.metre, features.terrain[0]
     share = np.zeros(len(shapes))
     for k, core in enumerate(shapely.buffer(shapes, -EDGE * metre)):
         parts = [ground[features.within(part)] for part in shapely.get_parts(core)]
         inside = np.concatenate(parts) if parts else np.zeros(0, bool)
-        share[k] = inside.mean() if np.count_nonzero(inside) > FEWEST else 0.0
+        if len(inside) <= FEWEST:
+            of_strip = ground[features.within(shapes[k].buffer(TOUCHING * metre))].mean()
+            share[k] = of_strip if of_strip > STRIP else 0.0
+        elif np.count_nonzero(inside) > FEWEST:
+            share[k] = inside.mean()
     return share

@@ -31,14 +31,14 @@ from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
 from algorithms.classify._crowns import CLOSED, crowns
-from algorithms.classify._density import Lengths
+from algorithms.classify._density import ALPHA, Lengths
 from algorithms.classify._evidence import FOOT, solid
 from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
 from algorithms.classify._parts import levels, tiles
 from algorithms.classify._refused import refused_in_words, steep_regions, unlike, warn_of_lost
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._squared import main_direction, squared
-from algorithms.classify._vehicles import SEEN, ground_seen, large_vehicles
+from algorithms.classify._vehicles import SEEN, as_narrow_and_low, ground_seen, large_vehicles
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.data_edge import cut
@@ -62,6 +62,7 @@ PER_POINT = 100  # how much longer than others a point takes in which planes are
 TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
 SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
 SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
+HALF_AS_DENSE = 0.5**0.5  # times as far apart are twice as many points per area
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 
 Floats = NDArray[np.float64]
@@ -97,10 +98,11 @@ class ClassifyBuildings:
     Without returns planarity alone decides, and twice as much is asked for.
 
     What is as narrow and low as vehicles and stands free is a bus, a tram, a lorry or a container.
-    What has ground in between hides none, and is no roof; nor is what is steep, with a third of its
-    points on no plane, as crowns of conifers, unless it has walls: points down to its foot, though
-    hardly a pulse went on. Such regions are the layer `refused`. What meets ground at roof level at
-    two ends is a bridge. All these are left out. Where `given`, the same points, has buildings, of
+    What has ground in between hides none, and is no roof; where points are sparse and `alpha` is
+    not given, smaller discs part it first. Nor is what is steep, with a third of its points on no
+    plane, as crowns of conifers, unless it has walls: points down to its foot, though hardly a
+    pulse went on. Such regions are the layer `refused`. What meets ground at roof level at two ends
+    is a bridge. All these are left out. Where `given`, the same points, has buildings, of
     `smallest` or more, and none is now, that is told with the place.
 
     Outlines are `squared`: straight walls, at right angles where they nearly are; or `alpha`, as
@@ -338,10 +340,7 @@ class ClassifyBuildings:
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
         shapes = shapes[~bridges(features, planes, shapes)]
-        open_below = ground_seen(shapes, features) > SEEN
-        if open_below.any():
-            log.info("%d regions have ground in between: no roofs", np.count_nonzero(open_below))
-        shapes = shapes[~open_below]
+        shapes = self._without_ground(features, planes, shapes, lengths, ctx)
         trees = crowns(shapes, features, planes)
         if trees.any():
             log.info(
@@ -349,6 +348,33 @@ class ClassifyBuildings:
                 np.count_nonzero(trees),
             )
         return shapes[~trees], shapes[trees]
+
+    def _without_ground(
+        self,
+        features: _evidence.PointFeatures,
+        planes: Mask,
+        shapes: Shapes,
+        lengths: Lengths,
+        ctx: Context,
+    ) -> Shapes:
+        """Regions that hide the ground.
+
+        Where points are sparse the disc is wider than gardens, and joins houses across them: what
+        has ground in between is drawn again with the disc for twice as many points per area, until
+        it is that for dense ones. What is as narrow and low as a vehicle then was one of a row.
+        """
+        open_below = ground_seen(shapes, features) > SEEN
+        if not open_below.any():
+            return shapes
+        smaller = lengths._replace(alpha=lengths.alpha * HALF_AS_DENSE)
+        if self.alpha is not None or smaller.alpha < ALPHA * features.cloud.metre:
+            log.info("%d regions have ground in between: no roofs", np.count_nonzero(open_below))
+            return shapes[~open_below]
+        again = planes & Polygons.of(shapes[open_below]).hold(features.xyz)
+        parts = self._regions(features, again, smaller, ctx)
+        parts = parts[~as_narrow_and_low(parts, features)]
+        parts = self._without_ground(features, planes, parts, smaller, ctx)
+        return np.concatenate([shapes[~open_below], parts])
 
     def _rows(
         self,

@@ -222,6 +222,26 @@ def test_a_crown_is_steep_and_torn_and_has_no_walls(
     assert crowns(whole, features, planes).tolist() == [crown and not walls]
 
 
+@pytest.mark.parametrize(
+    ("sides", "walls", "crown"), [(0.3, 0.0, True), (0.2, 0.3, True), (0.1, 0.3, False)]
+)
+def test_walls_are_no_sides_of_crowns(*, sides: float, walls: float, crown: bool) -> None:
+    """Planes steeper than 75 degrees do not count: a quarter of the others are sides."""
+    cloud = village().select(np.arange(1000))
+    features = PointFeatures(cloud, 1.5, 4.0, ground_classes=(2,))
+    number, rng = np.arange(1000) / 1000, np.random.default_rng(0)
+    degrees = np.where(number < walls, 80.0, np.where(number < walls + sides, 70.0, 0.0))
+    upright = np.cos(np.radians(rng.permutation(degrees)))
+    vars(features).update(
+        planes=(np.zeros(1000), np.column_stack([np.zeros((1000, 2)), upright])),
+        terrain=(np.zeros(1000, bool), np.full(1000, 9.0)),
+        let_through=np.ones(1000),
+        has_several_returns=True,
+    )
+    whole = np.array([shapely.box(499_000, 4_599_000, 501_000, 4_601_000)])
+    assert crowns(whole, features, rng.random(1000) < 0.6).tolist() == [crown]
+
+
 def roofed(cloud: PointCloud, height: Callable[..., Floats]) -> ClassifyBuildings.Outputs:
     """Buildings of a village whose house has heights by the place from its middle, and luck."""
     x, y = abs((cloud.xyz - (500_015, 4_600_012, 0))[:, :2].T)

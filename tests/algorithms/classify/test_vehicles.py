@@ -14,6 +14,7 @@ from scenes.traffic import confusion, street
 
 from algorithms.classify._evidence import PointFeatures
 from algorithms.classify._vehicles import (
+    as_narrow_and_low,
     bodies,
     ground_seen,
     large_vehicles,
@@ -174,6 +175,59 @@ def test_a_crooked_shrub_is_no_car_and_grass_around_one_does_not_hide_it() -> No
     found = vehicles(features(points.with_xyz(xyz)), car | grass, 0.25)
     assert found[car].all()
     assert not found[grass].any()
+
+
+def wires(
+    points: PointCloud, *norths: float, height: float = 20.0, east: float = 35.0
+) -> PointCloud:
+    """Level ground with wires from west to east above it, six points along a metre."""
+    x, y = (one.ravel() for one in np.meshgrid(np.arange(5, east, 1 / 6), norths))
+    wire = np.column_stack([x + 500_000, y + 4_600_000, np.full(len(x), 50 + height)])
+    columns = {name: np.ones(len(points) + len(x), np.uint8) for name in ("return_number",)}
+    columns["number_of_returns"] = np.append(points["number_of_returns"], np.ones(len(x), np.uint8))
+    classes = np.append(points["classification"], np.ones(len(x), np.uint8))
+    return cloud(np.vstack([points.xyz, wire]), classes, **columns)
+
+
+@pytest.mark.parametrize("wide", [1.2, 1.4])  # less than the edges of roofs at both sides
+def test_wires_side_by_side_are_no_roof(wide: float) -> None:
+    """Four wires lie on a plane, in a strip that is too narrow to have an inside."""
+    some = wires(yard(), *np.linspace(20, 20 + wide, 4))
+    strip = np.array([shapely.box(500_005, 4_600_020, 500_035, 4_600_020 + wide)])
+    (share,) = ground_seen(strip, features(some))
+    assert 1 / 3 < share < 0.6
+    assert outlines(some) == []
+
+
+def test_a_narrow_roof_above_few_points_on_the_ground_hides_it() -> None:
+    """A fifth of the points in the outline are at the foot of its wall."""
+    points = yard((10, 22, 10, 11.4, 3), density=20.0)
+    strip = np.array([shapely.box(500_010, 4_600_009.7, 500_022, 4_600_011.1)])
+    some = features(points)
+    assert 0.05 < some.terrain[0][some.within(strip[0])].mean() < 1 / 3
+    assert ground_seen(strip, some) == [0]
+
+
+def test_houses_apart_by_less_than_the_disc_of_sparse_points_are_found() -> None:
+    """The disc of 4.5 m joins houses across gardens of 7 m: most had ground in between."""
+    places = np.arange(12.0, 60.0, 16.0)
+    houses = [(x, x + 9, y, y + 9, 7.0) for x in places for y in places]
+    points = yard(*houses, density=0.3, side=72.0)
+    found = outlines(points)
+    assert len(found) >= len(houses) - 1
+    assert sum(found) > 81 * len(houses) / 2
+    assert len(outlines(points, alpha=4.5)) < len(houses) / 2
+
+
+def test_what_is_drawn_again_as_narrow_and_as_low_as_a_bus_is_none() -> None:
+    some = features(yard(BUS, (10, 22, 20, 23.0, 3.0), (10, 22, 30, 32.5, 6.0)))
+    shapes = shapely.box([10.0] * 3, [10.0, 20.0, 30.0], [22.0] * 3, [12.5, 23.0, 32.5])
+    shapes = shapely.transform(shapes, lambda xy: xy + np.array([500_000, 4_600_000]))
+    assert as_narrow_and_low(shapes, some).tolist() == [True, False, False]
+    bare = street(seed=2, density=1.0)
+    ground = bare.with_attributes({"classification": np.where(bare["truth"] == 2, 2, 1)})
+    found = ClassifyBuildings(points=ground).run().classified["classification"]
+    assert confusion(found, bare["truth"])["of buildings"] == 0
 
 
 def test_what_stands_free_has_ground_beside_it() -> None:

@@ -36,6 +36,7 @@ AROUND = 0.9  # mean of the directions to near points of water, where it is on m
 CONES = (0.1, 0.2)  # slopes of the ground to a point without a plane there, and elsewhere
 BLOCK = 50_000  # positions that are processed at a time
 HIDDEN = 4.0  # mean spacings from the last point of water to the farthest shore
+BEHIND = 100  # nearest points among which those behind one are: twice as many as lie that near
 FINEST = 0.25  # of the spacing of points, to which a shore can be told at best
 LAND_REACH = 6.0  # mean spacings from a position on water to land that tells how deep it is
 ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
@@ -141,14 +142,17 @@ def places(
     number = of_body[pr * lattice.cols + pc]
     foreign_water = (number > 0) & (number != of_body[body[0]])
     foreign = low & (~touched[pr - top, pc - left] | foreign_water)
-    kept = foreign | low | _stands(points, ~low, metre, ctx.part(0.0, 0.5))
+    hole = amid[r, c] | (wet[r, c] & (cells.count.ravel()[index] == 0))
+    open_ = np.concatenate([points[low & ~foreign, :2], middle[hole]])
+    stands = _stands(points, ~low, metre, ctx.part(0.0, 0.4))
+    stands |= _on_banks(points, ~low, stands, open_, cells, ctx.part(0.4, 0.5))
+    kept = foreign | low | _among_others(points, ~low, stands)
     points, height, low, foreign, foreign_water = (
         v[kept] for v in (points, height, low, foreign, foreign_water)
     )
     height[foreign] = step  # lower ground elsewhere, or other water: not of this body
     kind = np.where(low & ~foreign, WATER, LAND)
 
-    hole = amid[r, c] | (wet[r, c] & (cells.count.ravel()[index] == 0))
     beyond = ~cells.inside.ravel()[index] & ndimage.binary_dilation(wet, square)[r, c]
     low_corner, high_corner = middle.min(axis=0), middle.max(axis=0)
     margin = 10 * (high_corner - low_corner).max()
@@ -200,9 +204,47 @@ def _stands(points: Floats, high: Mask, metre: float, ctx: Context) -> Mask:
         on_plane = off <= ROUGH * metre
         most = (on_plane * on_land).sum(axis=1) >= FIRM * on_land.sum(axis=1)
         stands[some] = lowest | (on_plane[:, 0] & most)
+    return stands
+
+
+def _on_banks(
+    points: Floats, high: Mask, stands: Mask, water: Floats, cells: CellGrid, ctx: Context
+) -> Mask:
+    """True for high points behind which no ground is lower, among others that stand.
+
+    Behind what stands on the water the ground comes up from the level, lower than it. A steep or
+    rough bank only rises: what is lowest there lies on it. So do a few stalks by chance, alone.
+
+    Parameters
+    ----------
+    points : in the band
+    high : those surely above the water
+    stands : those that stand on firm ground
+    water : array of shape (n, 2), positions on the water
+    """
+    on_bank = np.zeros(len(points), bool)
+    land, some = np.flatnonzero(high), np.flatnonzero(high & ~stands)
+    if not len(water) or len(land) <= ALONE[1]:
+        return on_bank
+    offshore, _ = cKDTree(water).query(points[:, :2])
+    tree, reach = cKDTree(points[:, :2]), HIDDEN / np.sqrt(cells.density)
+    for at in _blocks(some, ctx):
+        _, near = tree.query(points[at, :2], BEHIND, distance_upper_bound=reach)
+        near = np.where(near < len(points), near, at[:, None])
+        behind = offshore[near] > offshore[at][:, None]
+        lower = points[near, 2] < points[at, 2][:, None] - ROUGH * cells.metre
+        on_bank[at] = behind.any(axis=1) & ~(behind & lower).any(axis=1)
+    _, beside = cKDTree(points[land, :2]).query(points[some, :2], ALONE[1] + 1)
+    on_bank[some] &= (stands | on_bank)[land][beside[:, 1:]].sum(axis=1) > ALONE[0]
+    return on_bank
+
+
+def _among_others(points: Floats, high: Mask, stands: Mask) -> Mask:
+    """Which points that stand have others on land near by, if they are high."""
     kept = np.flatnonzero(stands)
     if len(kept) > ALONE[1]:
         _, beside = cKDTree(points[kept, :2]).query(points[kept, :2], ALONE[1] + 1)
+        stands = stands.copy()
         stands[kept] = ~high[kept] | (high[kept][beside].sum(axis=1) > ALONE[0])
     return stands
 

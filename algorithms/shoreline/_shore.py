@@ -226,15 +226,15 @@ def _on_banks(
     land, some = np.flatnonzero(high), np.flatnonzero(high & ~stands)
     if not len(water) or len(land) <= ALONE[1]:
         return on_bank
-    offshore, _ = cKDTree(water).query(points[:, :2])
+    offshore = np.asarray(cKDTree(water).query(points[:, :2])[0])
     tree, reach = cKDTree(points[:, :2]), HIDDEN / np.sqrt(cells.density)
     for at in _blocks(some, ctx):
-        _, near = tree.query(points[at, :2], BEHIND, distance_upper_bound=reach)
+        _, near = map(np.asarray, tree.query(points[at, :2], BEHIND, distance_upper_bound=reach))
         near = np.where(near < len(points), near, at[:, None])
         behind = offshore[near] > offshore[at][:, None]
         lower = points[near, 2] < points[at, 2][:, None] - ROUGH * cells.metre
         on_bank[at] = behind.any(axis=1) & ~(behind & lower).any(axis=1)
-    _, beside = cKDTree(points[land, :2]).query(points[some, :2], ALONE[1] + 1)
+    _, beside = map(np.asarray, cKDTree(points[land, :2]).query(points[some, :2], ALONE[1] + 1))
     on_bank[some] &= (stands | on_bank)[land][beside[:, 1:]].sum(axis=1) > ALONE[0]
     return on_bank
 

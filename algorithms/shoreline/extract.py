@@ -63,11 +63,11 @@ class ShorelineExtract:
     the water, whatever lies above or below. The outline runs between the points, where the bank
     reaches the level. What each body was found by is in its attribute evidence.
 
-    By default the largest body is given, with `seed_point` the one at that place, and the outlines
-    of the others as `other_waters`. Ponds are bodies of their own even at the same level, islands
-    are holes of the polygon. Where the data end and the water does not, the outline follows the
-    edge of the data: attribute open_length, and lines of kind data edge. Parts that were flown at
-    different levels on different days are one body.
+    By default the largest body is given, with `seed_point` the one at that place. The others come
+    as `other_waters`, their outlines, and `other_bodies`, their polygons. Ponds are bodies of their
+    own even at the same level, islands are holes of the polygon. Where the data end and the water
+    does not, the outline follows the edge of the data: attribute open_length, and lines of kind
+    data edge. Parts that were flown at different levels on different days are one body.
 
     `vertices` are the corners of the outlines with the standard deviation across the shore, from
     the spacing of points, the slope of the bank and the error of the level. It says nothing about
@@ -130,6 +130,12 @@ class ShorelineExtract:
             "Outlines of the water bodies that were found and are not given",
             show=show.OfClass(9, thin=True),
             columns=SHORELINE,
+            listed=False,
+        )
+        other_bodies: Vector = sink(
+            "Polygons of these, at their levels",
+            show=show.OfClass(9, thin=True),
+            columns=WATER,
             listed=False,
         )
         level: float | None = sink("Level of the largest body given", unit="m")
@@ -298,6 +304,7 @@ class ShorelineExtract:
             shoreline=_layer(lines, crs, "LineString Z"),
             vertices=_layer(corners, crs, "Point Z"),
             other_waters=_layer([f for o in others for f in o.lines()], crs, "LineString Z"),
+            other_bodies=_layer([f for o in others for f in o.rows()], crs, "Polygon Z"),
             level=first.height if first else None,
             level_error=first.error if first else None,
             level_interval=first.interval if first else None,

@@ -95,7 +95,15 @@ def test_the_set_tells_the_error_of_heights_and_shows_other_waters(tmp_path: Pat
     assert ".fields.csv" in text
     assert len(Vector.open(out / "water.gpkg", layer="other_waters").frame) >= 1
     drawn = {entity.dxf.layer for entity in ezdxf.readfile(out / "contours.dxf").modelspace()}
-    assert {"contours", "contours_labels", "shoreline", "spill_point"} <= drawn
+    assert {"contours", "contours_labels", "shoreline", "other_waters", "spill_point"} <= drawn
+    ponds = Vector.open(out / "water.gpkg", layer="other_bodies").frame
+    assert {"level", "level_interval", "area"} <= set(ponds)
+    terrain = Raster.open(out / "terrain.tif")
+    lines = Vector.open(out / "water.gpkg", layer="contours").frame.geometry
+    for shape, level in zip(shapely.force_2d(ponds.geometry), ponds["level"], strict=True):
+        rows, cols = cells_within(shape, Lattice.of(terrain))
+        np.testing.assert_allclose(terrain.band()[rows, cols], level, atol=1e-3)
+        assert not lines.intersects(shape.buffer(-1.0)).any(), "lines run between cells of 1 m"
     page = (out / "report.html").read_text()
     data = page.partition('type="application/json">')[2].partition("</script>")[0]
     (others,) = (one for one in json.loads(data)["layers"] if one["name"] == "Other waters")

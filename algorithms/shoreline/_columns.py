@@ -22,7 +22,13 @@ CURVE = {
     "volume_high_m3": Column("Greatest volume (95 %)", "m³", 0),
     "area_gain_m2": Column("Gain of area", "m²", 0),
     "volume_gain_m3": Column("Gain of volume", "m³", 0),
-    "apart_m2": Column("Low ground that no water reaches yet", "m²", 0),
+    "apart_m2": Column(
+        "Low ground that no water reaches yet",
+        "m²",
+        0,
+        meaning="Ground of the basin below the level, but behind higher ground: it is in area and "
+        "volume from the level on at which water gets there",
+    ),
     "open": Column("Reaches the edge of the data"),
     "overtopped": Column("Above the rim of the lake"),
     "heights": Column("Heights"),

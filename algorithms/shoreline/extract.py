@@ -272,8 +272,7 @@ class ShorelineExtract:
                 log.warning("points: %s; it is no lake%s; left out", text, _takes_rivers())
         elif rest:
             names = [
-                f"{name_of(cells, one)}, level {in_unit(cells, one.level.height, 2)}"
-                for one in rest
+                f"{name_of(cells, one)}, level {in_unit(cells, one.level.height)}" for one in rest
             ]
             log.warning(
                 "points: %d other water bodies were found, of which the outlines alone are "

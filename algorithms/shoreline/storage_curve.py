@@ -281,7 +281,7 @@ class ShorelineStorageCurve:
             if math.isclose(error, ASSUMED):
                 yield (
                     f"That error, {error:.3g} m, is an assumption unless it was given for this "
-                    "survey: it is what the Dutch AHN allows."
+                    "survey."
                 )
 
         def _runs_over(self) -> str:

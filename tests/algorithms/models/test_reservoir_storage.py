@@ -91,6 +91,7 @@ def test_the_set_tells_the_error_of_heights_and_shows_other_waters(tmp_path: Pat
     assert "They are for a level that a gauge tells" in text
     assert "The level of the rim is known to ± 0.098 m (95 %) by the common error alone" in text
     assert "That error, 0.05 m, is an assumption unless it was given for this survey" in text
+    assert "AHN" not in text, "a survey of another country"
     assert found["level_uncertainty"] > 0.0979 > found["level_interval"]
     assert ".fields.csv" in text
     assert len(Vector.open(out / "water.gpkg", layer="other_waters").frame) >= 1

@@ -137,6 +137,10 @@ def test_a_pond_at_the_same_level_is_another_body(caplog: pytest.LogCaptureFixtu
     assert (outline.body, outline.kind) == (2, "shore")
     assert shapely.Polygon(outline.geometry).equals_exact(both.geometry[1], 1e-9)
     assert f"water body 2 ({both['area'][1]:.0f} m2, at " in warning, "as in tables, not by cells"
+    assert f"level {both['level'][1]:.3f} m" in warning, "as in tables"
+    (body,) = lake_alone.other_bodies.frame.itertuples()
+    assert body.geometry.equals_exact(both.geometry[1], 1e-9)
+    assert (body.body, body.area) == (2, both["area"][1])
     assert list(both["body"]) == [1, 2]
     assert both.geometry[1].area == pytest.approx(math.pi * 49, rel=0.1)
     at = Position(ORIGIN[0] + 10, ORIGIN[1] + 10)

@@ -48,6 +48,12 @@ class ClassifyWater:
 
     points: PointCloud = source("Points to classify")
     water: Vector = source("Polygons of water, with level or heights", shapes="polygon")
+    beneath: Vector | None = source(
+        "Further polygons of water, as below bridges, with level or heights",
+        shapes="polygon",
+        default=None,
+        label="Water below bridges",
+    )
 
     @outputs
     class Outputs:
@@ -93,7 +99,8 @@ class ClassifyWater:
     def _on_water(self, xyz: NDArray[np.float64], ctx: Context) -> Mask:
         """True for positions near the surface of a water that they are in, shape (n,)."""
         near = np.zeros(len(xyz), bool)
-        every = list(surfaces(self.water, "water"))
+        layers = {"water": self.water} | ({"beneath": self.beneath} if self.beneath else {})
+        every = [one for name, layer in layers.items() for one in surfaces(layer, name)]
         if not (every and len(xyz)):
             return near
         inside = np.flatnonzero(Polygons.of(np.array([w.shape for w in every])).hold(xyz))

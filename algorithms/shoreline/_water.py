@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from algorithms.shared.lowest import cells_of
+from algorithms.shared.water_surface import MOST_SIGMA, WIDEST
 from algorithms.shoreline._bodies import (
     CONTACT,
     DARK,
@@ -499,11 +500,23 @@ def with_levels(
 def _sampled(cells: CellGrid, body: Body) -> Ints:
     """Cells of a body whose points give its level: not at its edge, no more than needed."""
     count = cells.count.ravel()
-    if count[open_water(cells, body)].sum() < FEWEST:
+    if not _tells_level(cells, body):
         return np.union1d(body.cells, around(cells.lattice, body.cells, 1))
     inner = open_water(cells, body, 0.0, bright=True)
     step = math.ceil(count[inner].sum() / MOST_SAMPLES)
     return np.asarray(inner[(inner // cells.lattice.cols + inner % cells.lattice.cols) % step == 0])
+
+
+def _tells_level(cells: CellGrid, body: Body) -> bool:
+    """Whether enough came back from open water: boats, crowns and wires are far above its level.
+
+    What is far below it counts: ground there tells that the level is none.
+    """
+    core = open_water(cells, body)
+    above = cells.low.ravel()[core] + cells.base - body.level
+    above -= body.tilt.at(*np.divmod(core, cells.lattice.cols))
+    wet = above <= WIDEST * MOST_SIGMA * cells.metre
+    return bool(cells.count.ravel()[core][wet].sum() >= FEWEST)
 
 
 def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float) -> Water:
@@ -513,7 +526,7 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float)
     flat = xyz.copy()
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
     core = open_water(cells, body)
-    if cells.count.ravel()[core].sum() < FEWEST:
+    if not _tells_level(cells, body):
         amid = np.isin(cells_of(xyz, lattice), body.cells)
         level = edge_level(flat, amid, body.level, metre, step)
     else:

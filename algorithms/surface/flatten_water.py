@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -21,7 +21,8 @@ from algorithms.shared.alignment import not_on
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.polygons import cells_within
 from algorithms.shared.water_columns import KNOWN, LOOKS_LAID, SHORELINE, WATER
-from algorithms.shared.water_surface import LEVEL, SLOPE, Surface, as_number, surfaces
+from algorithms.shared.water_surface import LEVEL, SCATTER, SLOPE, as_number, surfaces
+from algorithms.surface._beneath import Beneath, Wet, beneath, unseen
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
 from toolbox.data.crs import own_unit, unit_of_heights, unit_of_lengths
@@ -70,6 +71,12 @@ class SurfaceFlattenWater:
     A `surface` with objects on it, as of the highest points, gets the water, too: its cells on the
     water that are empty or lower have the height of the water, so that there is no hole where the
     pulses were lost. Bridges, boats and crowns above the water stay, and other empty cells, too.
+
+    Below a bridge or in a sluice no ground is seen, or a few points that are on the water, and the
+    terrain between them may lie below the water beside it. With `ground_count`, the number of
+    points of the ground in each cell, lower cells that are joined to water are raised to it at any
+    distance where less than half as many cells as on land hold such points; between two waters to
+    the lower one. They are told, and given as `beneath`.
     """
 
     terrain: Raster = source("Raster of heights of the ground")
@@ -90,6 +97,11 @@ class SurfaceFlattenWater:
         "Surface with objects on the same cells, into which the water is laid, too",
         default=None,
         label="Surface with objects",
+    )
+    ground_count: Raster | None = source(
+        "Number of points of the ground in each cell of the terrain",
+        default=None,
+        label="Points of the ground in cells",
     )
     level: float | None = param(
         "Level of all water, in place of the attribute level of the polygons",
@@ -130,6 +142,12 @@ class SurfaceFlattenWater:
             show=show.Classes(KIND, LOOKS_LAID),
             columns=SHORELINE,
             label="Outlines of water as lines",
+            listed=False,
+        )
+        beneath: Vector = sink(
+            "Places where water goes on and no ground is seen, as below bridges, with its level",
+            label="Water below bridges",
+            columns=WATER,
             listed=False,
         )
         filled: int = sink(
@@ -191,6 +209,10 @@ class SurfaceFlattenWater:
                 yield "surface", f"{name} {text}"
             elif text := not_on(Lattice.of(self.terrain), Lattice.of(self.surface)):
                 yield "surface", f"{name} {text} of the terrain"
+        if self.ground_count and (
+            text := not_on(Lattice.of(self.terrain), Lattice.of(self.ground_count))
+        ):
+            yield "ground_count", f"{self.ground_count.name or 'the raster'} {text} of the terrain"
         if self.level is None and len(self.water) and not _tells_heights(self.water):
             yield (
                 "level",
@@ -212,19 +234,22 @@ class SurfaceFlattenWater:
         east, north = lattice.centres()
         reach = math.ceil(self.shore / lattice.cell)
         found, known = (
-            [(one.at, *cells_within(one.shape, lattice)) for one in surfaces(layer, name)]
+            [
+                Wet(one.at, one.scatter, *cells_within(one.shape, lattice))
+                for one in surfaces(layer, name)
+            ]
             if layer
             else []
             for layer, name in ((self._found, "water"), (self.known, "known"))
         )
         bodies = found + known
-        there = [body for body in bodies if len(body[1])]
+        there = [body for body in bodies if len(body.rows)]
         self._tell_deep(known, before, lattice)
         self._tell_unsure()
         wet = np.zeros(heights.shape, bool)
-        for _, rows, cols in there:
-            wet[rows, cols] = True
-        for number, (surface, rows, cols) in enumerate(there):
+        for body in there:
+            wet[body.rows, body.cols] = True
+        for number, (surface, _, rows, cols) in enumerate(there):
             ctx.progress(number / len(there))
             part = tuple(
                 slice(max(0, k.min() - reach - 1), k.max() + reach + 2) for k in (rows, cols)
@@ -240,6 +265,11 @@ class SurfaceFlattenWater:
         rise = np.where(raised, heights - before, 0.0)
         most = float(rise.max(initial=0.0))
         self._tell_no_shore(rise, lattice)
+        hidden = self._beneath(before, wet, there)
+        for one in hidden:
+            heights[one.rows, one.cols] = np.fmax(heights[one.rows, one.cols], one.level)
+        beyond = (heights != before) & ~wet & ~raised & np.isfinite(before)
+        self._tell_beneath(np.where(beyond, heights - before, 0.0), lattice)
         if closed := np.count_nonzero(np.isnan(before) & np.isfinite(heights) & ~wet):
             log.warning(
                 "%d empty cells at shores have heights between water and ground, at most %g m from "
@@ -261,12 +291,64 @@ class SurfaceFlattenWater:
             ),
             laid=self._laid,
             laid_shoreline=self.shoreline and self._lines(self.shoreline),
-            surface_with_water=self.surface and self._with_water(made, wet | raised),
-            filled=0 if top is None else int(np.count_nonzero((wet | raised) & np.isnan(top))),
+            surface_with_water=self.surface and self._with_water(made, wet | raised | beyond),
+            beneath=self._outlined(hidden, lattice),
+            filled=0
+            if top is None
+            else int(np.count_nonzero((wet | raised | beyond) & np.isnan(top))),
             raised=int(np.count_nonzero(raised)),
             largest_raise=most,
             bodies=len(there),
         )
+
+    def _beneath(self, heights: Array, wet: Mask, waters: Sequence[Wet]) -> list[Beneath]:
+        """Places without ground that the waters go on over; none if it is not known where it is."""
+        if not self.ground_count:
+            return []
+        few = unseen(self.ground_count.band(), wet)
+        return list(beneath(heights, few, waters, Lattice.of(self.terrain).centres()))
+
+    def _tell_beneath(self, rise: Array, lattice: Lattice) -> None:
+        """Log how much of the terrain was below water that goes on there, and where."""
+        if count := np.count_nonzero(rise):
+            unit, _ = unit_of_heights(self.terrain.crs) or ("m", 1.0)
+            row, col = np.unravel_index(rise.argmax(), rise.shape)
+            east, north = lattice.centres()
+            log.warning(
+                "%d cells of the terrain lay below the water that they are joined to, by up to "
+                "%.2f %s at %.1f,%.1f, and hardly any ground was seen there, as below a bridge or "
+                "in a sluice: they have its level, the lower one between two waters; where there "
+                "is land below the water, it is lost",
+                count,
+                rise.max(),
+                unit,
+                east[col],
+                north[row],
+            )
+
+    def _outlined(self, hidden: Sequence[Beneath], lattice: Lattice) -> Vector:
+        """Places below which water goes on as polygons of cells, with level and scatter."""
+        import geopandas
+
+        east, north = lattice.centres()
+        half = lattice.cell / 2
+        shapes = [
+            shapely.union_all(
+                shapely.box(
+                    east[one.cols] - half,
+                    north[one.rows] - half,
+                    east[one.cols] + half,
+                    north[one.rows] + half,
+                )
+            )
+            for one in hidden
+        ]
+        rows = {
+            LEVEL: [float(one.level.min()) for one in hidden],
+            SCATTER: [one.scatter for one in hidden],
+        }
+        frame = geopandas.GeoDataFrame(rows, geometry=shapes, crs=self.terrain.crs)
+        return Vector(frame.explode(ignore_index=True), geometry_type="Polygon")
 
     def _tell_no_shore(self, rise: Array, lattice: Lattice) -> None:
         """Log where ground was raised by more than a shore is lower: the water may be none."""
@@ -307,13 +389,11 @@ class SurfaceFlattenWater:
                 unit,
             )
 
-    def _tell_deep(
-        self, bodies: Sequence[tuple[Surface, Any, Any]], heights: Array, lattice: Lattice
-    ) -> None:
+    def _tell_deep(self, bodies: Sequence[Wet], heights: Array, lattice: Lattice) -> None:
         """Log where water is far below the ground that was there: its level may be wrong."""
         unit, metres = unit_of_heights(self.terrain.crs) or ("m", 1.0)
         (east, north), deep = lattice.centres(), [0.0]
-        for surface, rows, cols in bodies:
+        for surface, _, rows, cols in bodies:
             below = heights[rows, cols] - surface(east[cols], north[rows])
             if np.isfinite(below).any() and np.nanmedian(below) * metres > NO_SHORE:
                 deep.append(float(np.nanmedian(below)))

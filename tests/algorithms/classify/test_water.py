@@ -110,6 +110,13 @@ def test_waters_have_their_own_surfaces() -> None:
     assert classes(over([12.0, 12, 10, 10, 12, 10, 10, 12]), both) == [9, 9, 2, 2, 2, 9, 9, 2]
 
 
+def test_points_below_bridges_are_water_by_a_layer_of_their_own() -> None:
+    here, elsewhere = water(level=10.0, scatter=0.04), water(level=99.0)
+    points = over([10.1, 9.9, 10.2])
+    found = ClassifyWater(points=points, water=elsewhere, beneath=here).run().classified
+    assert found["classification"].tolist() == [9, 9, 2]
+
+
 def test_what_is_told() -> None:
     points = over([10.0, 10.0, 12.0, 13.0], [2, 1, 2, 1], confidence=np.float32([0.2, 0.3, 0.4, 1]))
     found = ClassifyWater(points=points, water=water(level=10.0)).run()

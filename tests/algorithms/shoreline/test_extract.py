@@ -230,6 +230,37 @@ def test_a_pier_is_no_reach_of_a_river() -> None:
     assert only(extract(bay(0), bodies="all", sloped=True)).level == pytest.approx(0.8, abs=0.01)
 
 
+def canal(crowns: int) -> PointCloud:
+    """A canal of 12 m that returned nothing, between streets 0.2 m above the foot of its quays.
+
+    Parameters
+    ----------
+    crowns : returns from crowns over the middle of the canal
+    """
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 80, (2, 40_000))
+    away = np.maximum(abs(y - 40) - 6, abs(x - 40) - 30)  # from the edge of the canal
+    z = np.select([away < 0.5, away < 12], [120.0, 120.2 + 0.01 * away], 121.5) + rng.normal(
+        0, 0.02, len(x)
+    )
+    kept = away > 0
+    over = np.column_stack([rng.uniform(36, 44, crowns), rng.uniform(38, 42, crowns)])
+    over = np.column_stack([over, rng.uniform(123, 125, crowns)])
+    xyz = np.round(np.vstack([np.column_stack([x, y, z])[kept], over]), 3) + ORIGIN
+    single = np.zeros(len(xyz), bool)
+    return PointCloud(
+        xyz, columns(np.full(len(xyz), 900, np.uint16), single), crs=UTM, name="canal"
+    )
+
+
+@pytest.mark.parametrize("crowns", [0, 20])
+def test_crowns_over_a_canal_tell_no_level_and_streets_beside_it_are_dry(crowns: int) -> None:
+    """In Delft a street of 90 m2 was water: crowns counted as returns from a canal without any."""
+    water = only(extract(canal(crowns), bodies="all"))
+    assert water.level == pytest.approx(120.0, abs=0.05)
+    assert water.geometry.area == pytest.approx(61 * 13, rel=0.08)  # with the foot of the quays
+
+
 @pytest.mark.parametrize(("rise", "count"), [(0.3, 1), (1.0, 0)])
 def test_between_two_pieces_of_data_water_must_have_a_shore(rise: float, count: int) -> None:
     """Two banks 600 m apart, and nothing north and south of them; the steep one hides its shore."""

@@ -325,3 +325,58 @@ def test_water_that_is_less_certain_than_contours_are_apart_is_told(
     caplog.clear()
     SurfaceFlattenWater(terrain=bowl(), water=water).run()
     assert "less certain" not in caplog.text, "there are no contours"
+
+
+def sluice() -> tuple[Raster, Raster, Vector]:
+    """Waters of 10 and 9.5 m, and between them 18 m of terrain at 9 m, of which nothing was seen.
+
+    Returns
+    -------
+    terrain, ground_count, water
+    """
+    z, count = np.full((12, 30), 12.0), np.ones((12, 30))
+    z[:, :6] = z[:, 24:] = z[3:9] = 9.0
+    count[3:9] = 0
+    count[5, 12] = 1  # a return from the water below the bridge
+    shapes = [shapely.box(WEST + k, NORTH - 12, WEST + k + 6, NORTH) for k in (0, 24)]
+    frame = geopandas.GeoDataFrame(
+        {"level": [10.0, 9.5], "scatter": 0.04}, geometry=shapes, crs=UTM
+    )
+    return raster(z), raster(count), Vector(frame)
+
+
+def test_below_a_bridge_water_goes_on_and_there_is_no_lower_terrain(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """In a sluice 451 cells lay below the waters on both sides, up to 19 m from any ground."""
+    terrain, count, water = sluice()
+    found = SurfaceFlattenWater(terrain=terrain, water=water, ground_count=count).run()
+    z = found.flattened.band()
+    assert (z[3:9, 6:11] == 10.0).all(), "the shore"
+    assert (z[3:9, 11:] == 9.5).all(), "the lower of both waters"
+    assert (z[:3, 6:24] == 12.0).all()
+    text = "48 cells of the terrain lay below the water that they are joined to, by up to 0.50 m at"
+    assert text in caplog.text
+    (row,) = found.beneath.frame.to_dict("records")
+    assert (row["level"], row["scatter"]) == (9.5, 0.04)
+    assert row["geometry"].area == 6 * 18
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_lower_land_that_is_seen_or_not_joined_to_water_stays(seen: bool) -> None:
+    terrain, count, water = sluice()
+    values = terrain.band().copy()
+    if seen:  # as behind a dike or below a dam
+        count = raster(np.ones(count.band().shape))
+    else:
+        values[:, [6, 23]] = 12.0
+    terrain = raster(values)
+    found = SurfaceFlattenWater(terrain=terrain, water=water, ground_count=count).run()
+    assert (found.flattened.band()[3:9, 11:18] == 9.0).all()
+    assert not len(found.beneath)
+
+
+def test_cells_with_ground_must_be_those_of_the_terrain() -> None:
+    terrain, count, water = sluice()
+    with pytest.raises(DataError, match="ground_count: the raster covers another area"):
+        SurfaceFlattenWater(terrain=terrain, water=water, ground_count=raster(count.band()[:-1]))

@@ -107,12 +107,13 @@ class Level:
         """Standard deviation of single points from the height, at most; NaN if none are on it.
 
         Levels of strips, or of parts, that differ by some range have a standard deviation of at
-        most half of it (Popoviciu's inequality).
+        most half of it (Popoviciu's inequality); what covers the water may lie all at its own.
         """
         if self.basis == "shore":
             return math.nan
-        apart = [self.strips, *(abs(np.subtract(*two)) for two in (self.parts, self.cover) if two)]
-        return math.hypot(self.sigma, float(max(apart)) / 2)
+        apart = max(self.strips, abs(np.subtract(*self.parts)) if self.parts else 0.0)
+        off = max(abs(height - self.height) for height in self.cover or (self.height,))
+        return math.hypot(self.sigma, float(max(apart / 2, off)))
 
     @property
     def interval(self) -> float:
@@ -177,6 +178,22 @@ def holding(level: Level, parts: tuple[float, float]) -> Level:
     apart = max(abs(level.height - part) for part in parts)
     error, freedom = _with_known(level.error, level.freedom, apart)
     return replace(level, error=error, freedom=freedom)
+
+
+def under_cover(level: Level, metre: float) -> Level:
+    """The level of water of which a part is covered: the lower one, if other flights explain it.
+
+    Plants, ice and mud lie above the water, and returns that blind the scanner seem to. Nobody
+    knows whether it was a flight at another time: the interval reaches to the other level, and
+    the levels of strips, by which the shore is drawn, stay.
+    """
+    if not level.cover or abs(np.subtract(*level.cover)) < DAYS * metre:
+        return level
+    low, high = sorted(level.cover)
+    held = max(level.height - low, high - level.height)
+    own = math.sqrt(max(level.error**2 - held**2, 0.0))
+    error = math.hypot(own, (high - low) / NINETY_FIVE)
+    return replace(level, height=low, error=error, freedom=math.inf)
 
 
 def _with_known(error: float, freedom: float, known: float) -> tuple[float, float]:

@@ -52,6 +52,7 @@ from algorithms.shoreline._level import (
     holding,
     level_of,
     two_levels_fit,
+    under_cover,
 )
 from algorithms.shoreline._reaches import along_banks, reaches
 from algorithms.shoreline._returns import Returns
@@ -142,7 +143,7 @@ def find_water(
         if reach is water or _is_wet(cells, water, reach)
     ]
     ctx.progress(1.0)
-    found = [water for water in found if not _is_road(cells, water)]
+    found = [_uncovered(cells, water) for water in found if not _is_road(cells, water)]
     if not level_alone:
         found = _sure(cells, found)
     if not found:
@@ -266,6 +267,11 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
             listed(cells, left_out),
         )
     return sure
+
+
+def _uncovered(cells: CellGrid, water: Water) -> Water:
+    """A water at the level of what is not covered of it; a river, which has none, as it is."""
+    return water if water.fall else replace(water, level=under_cover(water.level, cells.metre))
 
 
 def _alike(one: Level, other: Level, metre: float) -> bool:
@@ -657,7 +663,8 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
         if one.level.strips > DAYS * metre:
             log.warning(
                 "points: %s has other levels in other strips: %s; they were flown at other "
-                "times, or do not fit. Its level is their mean, its shore that of each strip",
+                "times, or do not fit. Its level is the mean of its points, its shore that of each "
+                "strip",
                 name_of(cells, one),
                 strip_levels(one.level),
             )
@@ -665,7 +672,8 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             low, high = one.level.parts
             log.warning(
                 "points: %s stands at two levels side by side, %s and %s: flown at other "
-                "times, or strips do not fit. Its level is their mean; its interval holds both",
+                "times, or strips do not fit. Its level is the mean of its points; its interval "
+                "holds both",
                 name_of(cells, one),
                 in_unit(cells, low),
                 in_unit(cells, high),
@@ -673,8 +681,9 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
         if one.level.cover and abs(np.subtract(*one.level.cover)) >= DAYS * metre:
             log.warning(
                 "points: %s stands at %s where most pulses come back, or the brightest ones, "
-                "and at %s elsewhere: floating plants or ice, or flights at other times. Its "
-                "level is their mean; its interval holds both",
+                "and at %s elsewhere: floating plants or ice, returns that blind the scanner, or "
+                "flights at other times. What covers water lies above it: a lake has the lower "
+                "level, a river that of its points; its interval holds both",
                 name_of(cells, one),
                 *(in_unit(cells, height) for height in one.level.cover),
             )

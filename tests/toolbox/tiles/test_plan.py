@@ -44,7 +44,8 @@ def test_steps_that_look_far_run_in_passes_of_their_own() -> None:
 def test_rasters_made_of_a_whole_raster_are_made_of_the_whole() -> None:
     """The planner went round for ever: terrain waits for the pass of what needs level water."""
     found = plan("models.terrain", "dtm", "dsm", "ndsm", level_water=True).passes
-    assert [one.local for one in found][:3] == [("clean",), ("ground",), ("top", "bottom")]
+    grids = ("top", "bottom", "support")
+    assert [one.local for one in found][:3] == [("clean",), ("ground",), grids]
     assert found[2].rest[-2:] == ("level", "heights")
 
 

@@ -39,6 +39,8 @@ INTERVAL = "level_interval"  # half of the 95 % interval of the level
 COVERED = 0.5  # share of a found water: if more of it is known to be another one, it goes
 NAMED = 10  # waters in one warning
 EVEN = 0.01  # m: as far as heights of a map are written; a river falls by more
+PLACES = 5  # that one warning names
+NOISE = 0.1  # m: three standard deviations of airborne points, of 0.03 m
 NO_SHORE = 1.0  # m below the water, as high as a wall: more than noise, waves and ditches explain
 
 
@@ -279,6 +281,8 @@ class SurfaceFlattenWater:
             )
         if apart := len(bodies) - len(there):
             log.warning("%d of %d bodies of water hold no cell of the terrain", apart, len(bodies))
+        if self.surface and min(heights.shape) > 1:  # of one row no slope is known
+            self._tell_above_surface(heights - self.surface.band(), heights, wet, lattice)
         made = heights.astype(np.float32)
         top = self.surface.band() if self.surface else None
         return self.Outputs(
@@ -349,6 +353,29 @@ class SurfaceFlattenWater:
         }
         frame = geopandas.GeoDataFrame(rows, geometry=shapes, crs=self.terrain.crs)
         return Vector(frame.explode(ignore_index=True), geometry_type="Polygon")
+
+    def _tell_above_surface(
+        self, above: Array, heights: Array, wet: Mask, lattice: Lattice
+    ) -> None:
+        """Log where the terrain is above all points of a cell, by more than it falls within it.
+
+        Ground was not seen there, and what is between its points is lower than they are.
+        """
+        south, east = np.gradient(heights)
+        within = (abs(south) + abs(east)) / 2 + NOISE * self.terrain.metre
+        rise = np.where(~wet & (above > np.nan_to_num(within, nan=math.inf)), above, 0.0)
+        if count := np.count_nonzero(rise):
+            unit, _ = unit_of_heights(self.terrain.crs) or ("m", 1.0)
+            x, y = lattice.centres()
+            first = np.argsort(-rise, axis=None, kind="stable")[: min(count, PLACES)]
+            places = zip(*np.unravel_index(first, rise.shape), strict=True)
+            log.warning(
+                "cells in which the terrain lies above all points, by more than it falls within a "
+                "cell, so that objects have heights below 0: %d; no ground was seen there, as "
+                "beside walls, quays and bridges, and the terrain spans what is lower: %s",
+                count,
+                "; ".join(f"{rise[r, c]:.2f} {unit} at {x[c]:.1f},{y[r]:.1f}" for r, c in places),
+            )
 
     def _tell_no_shore(self, rise: Array, lattice: Lattice) -> None:
         """Log where ground was raised by more than a shore is lower: the water may be none."""

@@ -380,3 +380,17 @@ def test_cells_with_ground_must_be_those_of_the_terrain() -> None:
     terrain, count, water = sluice()
     with pytest.raises(DataError, match="ground_count: the raster covers another area"):
         SurfaceFlattenWater(terrain=terrain, water=water, ground_count=raster(count.band()[:-1]))
+
+
+def test_terrain_above_all_points_is_told_with_places(caplog: pytest.LogCaptureFixture) -> None:
+    """At a sluice heights of objects went down to -1.99 m, and nothing said so."""
+    z = np.tile(12.0 + 0.6 * np.arange(20.0), (20, 1))
+    top = z - 0.25  # within what a slope of 60 % explains
+    top[15, 12] = z[15, 12] - 1.5
+    terrain = raster(z)
+    for surface, told in ((raster(z - 0.25), False), (raster(top), True)):
+        caplog.clear()
+        SurfaceFlattenWater(terrain=terrain, surface=surface, water=pond()).run()
+        assert ("the terrain lies above all points" in caplog.text) == told
+    assert "below 0: 1; no ground" in caplog.text
+    assert f"1.50 m at {WEST + 12.5:.1f},{NORTH - 15.5:.1f}" in caplog.text

@@ -292,6 +292,19 @@ class Sparse:
 
 
 @dataclass(frozen=True)
+class Stacks:
+    """Wires so close above each other that one followed would change over to the next."""
+
+    closest: float = built(
+        0.3, "m", "between two wires of a stack; nearer, they are not told apart"
+    )
+    pair: float = tried(
+        0.5, "m", "along a stack between two points that tell how far wires are apart"
+    )
+    astray: float = tried(0.2, "1", "share of the points of a stack that are on none of its wires")
+
+
+@dataclass(frozen=True)
 class Arcs:
     """Where the wires of a line are held."""
 
@@ -527,6 +540,7 @@ class Settings:
     tracks: Tracks = Tracks()
     lanes: Lanes = Lanes()
     sparse: Sparse = Sparse()
+    stacks: Stacks = Stacks()
     arcs: Arcs = Arcs()
     spans: Spans = Spans()
     continued: Continued = Continued()

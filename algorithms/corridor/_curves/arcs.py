@@ -246,6 +246,29 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
     return *all_settled(fine, edges, bend, chainages, shown), coarse, bend
 
 
+def settled_at(
+    corridor: Corridor, alignment: Alignment, cuts: Floats, bend: float
+) -> tuple[Floats, Floats]:
+    """Cuts of an alignment, moved to where arcs meet and supports show, and their deviations."""
+    chainages = chainages_of(alignment)
+    seen = binned(corridor, alignment, 1, SETTINGS.arcs.least_wander)
+    arms, poles = hardware(corridor, alignment, seen.tracks(), chainages)
+    inner = np.unique(np.round(cuts / alignment.step).astype(np.int64))
+    inner = inner[(inner > 1) & (inner < alignment.steps - 1)]
+    edges = np.array([0, *inner.tolist(), alignment.steps])
+    edges = bending(seen, edges, bend, np.ones(len(seen.u) + 1, bool), at_edges(arms + poles))
+    return all_settled(seen, edges, bend, chainages, arms + poles)
+
+
+def chainages_of(alignment: Alignment) -> Floats:
+    """Chainages of an alignment at which arms may be."""
+    return (
+        alignment.step
+        / POSITIONS_PER_BIN
+        * np.arange(POSITIONS_PER_BIN * alignment.steps + 1, dtype=np.float64)
+    )
+
+
 def at_edges(evidence: Floats) -> Floats:
     """The most evidence near each edge of the bins, of that at all chainages."""
     return np.asarray(maximum_filter1d(evidence, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN])

@@ -17,7 +17,7 @@ Computer Vision 40(1), 7-23: the number of false alarms.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,40 +47,26 @@ def sparse_wires(corridor: Corridor, pieces: Sequence[Piece], ctx: Context) -> l
     for piece in pieces:
         free[corridor.wires.around(piece.curve, corridor.own_radius)[0]] = False
     own = np.flatnonzero(free)
-    return wires_of(corridor, own[lonely(corridor, own, SETTINGS.sparse.company)], 2, ctx)
+    return wires_of(corridor, own[lonely(corridor, own, SETTINGS.sparse.company)], ctx)
 
 
-def stacked_wires(corridor: Corridor, ctx: Context) -> Iterator[list[Piece]]:
-    """The same of wires so close above each other that one followed would change over.
-
-    They are found twice: first those around which the sheet is empty, and others among the points
-    that are left; and all by what is no accident among points all around. Where spans rise and
-    fall, arcs as long as two of them may catch more of a sheet than the wires do.
-    """
+def stacked_wires(corridor: Corridor, ctx: Context) -> list[Piece]:
+    """The same of wires above each other, which tell where stacks of such wires are."""
     own = np.arange(len(corridor.wires.xyz))
     own = own[lonely(corridor, own, SETTINGS.sparse.stack_company)]
     own = own[in_sheets(corridor, own)]
-    clear = wires_of(corridor, own, 1, ctx)
-    if clear:
-        rest = np.setdiff1d(own, np.concatenate([piece.points for piece in clear]))
-        yield clear + wires_of(corridor, rest, 2, ctx)
-    yield wires_of(corridor, own, 2, ctx)
+    return wires_of(corridor, own, ctx)
 
 
-def wires_of(corridor: Corridor, own: Ints, across: int, ctx: Context) -> list[Piece]:
-    """Pieces of wires among some of the points that may be wire.
-
-    Parameters
-    ----------
-    across : in how many dimensions points lie across the wires: 2, or 1 of those in a sheet
-    """
+def wires_of(corridor: Corridor, own: Ints, ctx: Context) -> list[Piece]:
+    """Pieces of wires among some of the points that may be wire."""
     if len(own) < 3:
         return []
     xyz = np.ascontiguousarray(corridor.wires.xyz[own])
     near = cKDTree(xyz).query(xyz, k=range(2, min(SETTINGS.sparse.neighbours, len(xyz)) + 1))[1]
     near = np.ascontiguousarray(near)
     found = []
-    for points, bend, sure in groups(xyz, near, corridor.tolerance, across, ctx):
+    for points, bend, sure in groups(xyz, near, corridor.tolerance, ctx):
         curve = fit(xyz[points], spread=corridor.own_radius, curvature=bend)
         if curve is not None:
             corridor.proven[corridor.wires.order[own[points]]] = True
@@ -122,9 +108,7 @@ def in_sheets(corridor: Corridor, own: Ints) -> Mask:
     return np.asarray((across < corridor.tolerance**2) & (up > corridor.tolerance**2))
 
 
-def groups(
-    xyz: Floats, near: Ints, radius: float, across: int, ctx: Context
-) -> list[tuple[Ints, float, bool]]:
+def groups(xyz: Floats, near: Ints, radius: float, ctx: Context) -> list[tuple[Ints, float, bool]]:
     """Points of each wire, its curvature, and whether it is sure by itself.
 
     Parameters
@@ -132,11 +116,9 @@ def groups(
     xyz : array of shape (n, 3), metres
     near : array of shape (n, k), the points around each
     radius : how far a point may be from its wire, metres
-    across : dimensions in which points lie around it: 1 in a sheet, in which surely are wires, so
-        that it is asked only which of the arcs from a point are
     """
     reach, steps = SETTINGS.sparse.reach, SETTINGS.sparse.steps
-    ring, inner = SETTINGS.sparse.ring * radius, SETTINGS.sparse.ring**-across
+    ring, inner = SETTINGS.sparse.ring * radius, SETTINGS.sparse.ring**-2
     shape = (
         radius,
         reach,
@@ -155,7 +137,7 @@ def groups(
     made = (xyz, near, used, shape, steps, score, other, bend, tests)
     side_by_side(kernels.search, blocks(count, 200), np.arange(count), *made, ctx=ctx)
     sure = math.log(SETTINGS.sparse.false_alarms)
-    enough = sure - math.log(max(1, int(tests.sum() if across > 1 else tests.max())))
+    enough = sure - math.log(max(1, int(tests.sum())))
     u, v, w = (np.empty(near.shape[1] + 1) for _ in range(3))
     index, taken = (np.empty(near.shape[1] + 1, np.int64) for _ in range(2))
     proof = np.zeros(kernels.MOST_WIRES)

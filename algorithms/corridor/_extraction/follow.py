@@ -24,6 +24,7 @@ from algorithms.corridor._curves.network import (
     wires_among,
 )
 from algorithms.corridor._curves.sparse import sparse_wires, stacked_wires
+from algorithms.corridor._curves.stacks import stacks_among
 from algorithms.corridor._curves.structures import (
     carriers,
     holds_level,
@@ -31,7 +32,7 @@ from algorithms.corridor._curves.structures import (
     is_row_of_mesh,
 )
 from algorithms.corridor._curves.trace import trace_all
-from algorithms.corridor._curves.tracks import alignments_among
+from algorithms.corridor._curves.tracks import Alignment, alignments_among
 from algorithms.corridor._extraction.continued import completed
 from algorithms.corridor._extraction.spans import (
     Wire,
@@ -97,7 +98,8 @@ def follow(
             voxel, corridor = voxel[~corridor.refused], corridor.without_refused(tolerance)
         pieces = followed(corridor, voxel, max_gap, part)
         if not k:  # contact lines are known now, whose wires are above each other, too
-            tried += stacked(corridor, max_gap, part.part(0.7, 0.7))
+            tried += stacked(corridor, part.part(0.7, 0.7))
+            pieces = without_stacks(corridor, pieces, tried)
         tried.append(Tried(corridor, pieces, *lines_among(corridor, pieces, max_gap, part)))
     seen = seen_supports(tried)
     lines: list[Line] = []
@@ -108,10 +110,13 @@ def follow(
 
 @dataclass(frozen=True)
 class Tried:
-    """What was found at one tolerance: pieces of what may be wires, lines among them, supports."""
+    """What was found at one tolerance: pieces of what may be wires, lines among them, supports.
+
+    There are no pieces of stacks, whose wires are not sought again.
+    """
 
     corridor: Corridor
-    pieces: Sequence[Piece]
+    pieces: Sequence[Piece] | None
     lines: Sequence[Line]
     supports: Sequence[Support]
 
@@ -125,7 +130,7 @@ class Tried:
             if not any(is_known_by(one, other) for other in own)
             and any(may_hold(one, wire.curve) for wire in wires)
         ]
-        if not missed:
+        if not missed or self.pieces is None:
             return self.lines
         corridor = replace(self.corridor, arms=np.array([arms_in_plan(one) for one in missed]))
         return lines_among(corridor, self.pieces, max_gap, ctx)[0]
@@ -190,15 +195,28 @@ def without_contact_lines(corridor: Corridor, pieces: Sequence[Piece]) -> list[P
             return kept
 
 
-def stacked(corridor: Corridor, max_gap: float, ctx: Context) -> Iterator[Tried]:
-    """Lines of wires so close above each other that one followed would change over to the next.
+def stacked(corridor: Corridor, ctx: Context) -> list[Tried]:
+    """Lines of wires so close above each other that one followed would change over to the next."""
+    if SETTINGS.sparse.stack_tolerance >= corridor.tolerance:
+        return []
+    close = corridor.without_refused(SETTINGS.sparse.stack_tolerance)
+    arcs, alignments = stacks_among(close, stacked_wires(close, ctx))
+    wires, supports = wires_between(close, arcs, alignments)
+    return [Tried(close, None, lines_from(close, wires, supports), supports)] if wires else []
 
-    Each is found by itself, as sparse wires are, nearer to its points than to the other wires.
+
+def without_stacks(
+    corridor: Corridor, pieces: Sequence[Piece], tried: Sequence[Tried]
+) -> list[Piece]:
+    """The pieces that are no wires of a stack, whose points may be no other wire.
+
+    Else one that changed over between them would be a wire of a line beside the stack.
     """
-    if SETTINGS.sparse.stack_tolerance < corridor.tolerance:
-        close = corridor.without_refused(SETTINGS.sparse.stack_tolerance)
-        for pieces in stacked_wires(close, ctx):
-            yield Tried(close, pieces, *lines_among(close, pieces, max_gap, ctx))
+    for one in tried:
+        for curve in (wire.curve for line in one.lines for wire in line.wires):
+            corridor.refused[corridor.wires.around(curve, one.corridor.own_radius)[0]] = True
+    least = SETTINGS.structures.level_share
+    return [piece for piece in pieces if corridor.refused[piece.points].mean() <= least]
 
 
 def lines_among(
@@ -210,11 +228,16 @@ def lines_among(
     """
     pieces = [piece for piece in pieces if not is_on_roof(corridor, piece.curve)]
     wires, supports = hung(corridor, pieces, max_gap, ctx.part(0.7, 1.0))
+    return lines_from(corridor, wires, supports), supports
+
+
+def lines_from(
+    corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
+) -> list[Line]:
+    """The lines of wires and supports, without structures and accidents."""
     here = [line for line in lines_of(wires, supports) if line.is_no_accident(corridor)]
     kept = without_structures(corridor, here)
-    return [
-        replace(line, supports=compared(corridor, line.wires, line.supports)) for line in kept
-    ], supports
+    return [replace(line, supports=compared(corridor, line.wires, line.supports)) for line in kept]
 
 
 def without_structures(corridor: Corridor, lines: Sequence[Line]) -> list[Line]:
@@ -242,6 +265,13 @@ def hung(
     arcs, alignments = arcs_of(corridor, found)
     pieces = wires_among(corridor, arcs)
     ctx.progress(0.5)
+    return wires_between(corridor, pieces, alignments)
+
+
+def wires_between(
+    corridor: Corridor, pieces: Sequence[Piece], alignments: Sequence[Alignment]
+) -> tuple[list[Wire], Sequence[Support]]:
+    """The conductors of all spans between the supports that their pieces tell."""
     if not pieces:
         return [], []
     supports = supports_of(corridor, pieces, alignments)

@@ -644,11 +644,29 @@ def numbered(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
     for own in {wire.bundle for wire in wires}:
         mine = [k for k, wire in enumerate(wires) if wire.bundle == own]
         link[mine[0], mine[1:]] = True
+    for a, b in twins(wires):
+        link[a, b] = True
     bundle = in_order(connected_components(coo_array(link), directed=False)[1])
     return [
         replace(wire, wire=int(chain[k]) + 1, bundle=int(bundle[k]) + 1)
         for k, wire in enumerate(wires)
     ]
+
+
+def twins(wires: Sequence[Wire]) -> Iterator[tuple[int, int]]:
+    """Pairs of wires that were followed apart, and are as near as subconductors of their span are.
+
+    Where one conductor of a span is a bundle, so are the others: they are of one kind. Where none
+    is, wires above each other may be as near, and each is one.
+    """
+    of_span: dict[int, list[int]] = {}
+    for k, wire in enumerate(wires):
+        of_span.setdefault(wire.span, []).append(k)
+    for own in of_span.values():
+        if len({wires[k].bundle for k in own}) < len(own):
+            for a, b in itertools.combinations(own, 2):
+                if apart_wires(wires[a].curve, wires[b].curve) < SETTINGS.network.bundle_width:
+                    yield a, b
 
 
 def in_order(label: NDArray[np.int32]) -> Ints:

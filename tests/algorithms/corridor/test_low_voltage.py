@@ -8,18 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scenes.corridors import Floats, bar, cloud, ground, tree, wire
-from scipy.spatial import cKDTree
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.hardware import Beside, stems
-from algorithms.corridor._curves.sparse import groups
 from algorithms.corridor._extraction.continued import known_curvature
 from algorithms.corridor._extraction.sheets import levelled, levels
 from algorithms.corridor._extraction.spans import Wire
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
 from algorithms.samples.scene import SamplesScene
-from toolbox.context import QUIET
 
 POLES = (0.0, 34.0, 66.0, 102.0, 135.0)  # along the street, metres
 TOPS = (7.0, 7.35, 7.7, 8.05)  # heights of the wires at the poles, metres
@@ -62,17 +59,6 @@ def test_a_street_whose_spans_rise_and_fall_is_found_to_its_end() -> None:
     on_wire = found.classified["classification"] == 14
     assert np.mean(on_wire[truth == 14]) > 0.9
     assert found.tower_count == np.count_nonzero(made.features.frame.kind == "tower")
-
-
-@pytest.mark.parametrize(("across", "arcs"), [(1, False), (2, True)])
-def test_arcs_in_a_sheet_are_an_accident_if_as_many_points_are_beside_them(
-    across: int, arcs: bool
-) -> None:
-    """Points anywhere in a vertical plane, of which arcs in it catch more than if all around."""
-    rng = np.random.default_rng(0)
-    xyz = rng.uniform((0, -0.03, 7), (60, 0.03, 8.4), (120, 3))
-    near = cKDTree(xyz).query(xyz, k=range(2, 61))[1]
-    assert bool(groups(xyz, near, 0.1, across, QUIET)) == arcs
 
 
 def below(*parts: Floats) -> Beside:

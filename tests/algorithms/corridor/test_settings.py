@@ -11,15 +11,18 @@ import pytest
 from algorithms.corridor import extract
 from algorithms.corridor._settings import SETTINGS, changed, names
 
-MOST = 173  # numbers; raise it with a reason alone
+MOST = 176  # numbers; raise it with a reason alone
 CODE = Path(extract.__file__).parent
 # Nothing but time, memory or how fine something is drawn hangs on these, or they are definitions.
 ELSEWHERE = {
     "CELLS_AROUND",
     "CHORD_ERROR",
+    "COARSE",
     "COVARIANCES",
     "DOUBTFUL",
     "EXPONENTS",
+    "FINE",
+    "FINER",
     "FIT_ROUNDS",
     "GROUND_CELL",
     "LEAST_CURVATURE",
@@ -37,6 +40,7 @@ ELSEWHERE = {
     "POSITIONS_PER_BIN",
     "RIDGE",
     "SECTION_BIN",
+    "SLOTS",
     "STEM_CELLS",
     "TINY",
     "TOWER",

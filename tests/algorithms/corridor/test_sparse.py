@@ -39,7 +39,7 @@ def three_wires(per_metre: float, seed: int = 0) -> list[Floats]:
 def searched(xyz: Floats, radius: float = 0.25) -> list[tuple[np.ndarray, float, bool]]:
     """What is found among points that all stand alone."""
     near = cKDTree(xyz).query(xyz, k=range(2, min(SETTINGS.sparse.neighbours, len(xyz)) + 1))[1]
-    return groups(xyz, np.ascontiguousarray(near), radius, 2, QUIET)
+    return groups(xyz, np.ascontiguousarray(near), radius, QUIET)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -60,9 +60,9 @@ def test_points_of_contact_lines_are_no_wires_above_each_other(
         corridor.refused[: len(corridor.refused) // 2] = True
         return []
 
-    def above(corridor: Corridor, _: Any) -> list[list[Any]]:
+    def above(corridor: Corridor, _: Any) -> list[Any]:
         seen.append(len(corridor.wires.xyz))
-        return [[]]
+        return []
 
     monkeypatch.setattr(following, "followed", refusing)
     monkeypatch.setattr(following, "stacked_wires", above)

@@ -220,11 +220,7 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
     wander from their arcs is learned from these. The more they do, the more a cut must mend, so
     that there are fewer arcs, from which they may wander more.
     """
-    chainages = (
-        alignment.step
-        / POSITIONS_PER_BIN
-        * np.arange(POSITIONS_PER_BIN * alignment.steps + 1, dtype=np.float64)
-    )
+    chainages = chainages_of(alignment)
     wander = SETTINGS.arcs.least_wander
     seen = binned(corridor, alignment, 1, wander)
     arms, poles = hardware(corridor, alignment, seen.tracks(), chainages)

@@ -31,6 +31,7 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.tracks import Alignment, abreast, alignments_among, beside
 from algorithms.corridor._settings import SETTINGS
+from toolbox.context import Context
 
 COARSE, FINE = 2.0, 1.0  # metres between the places of supports that are tried
 FINER = 1.1  # ratio of curvatures that are tried near the best of the coarse ones
@@ -72,7 +73,7 @@ class Stack:
 
 
 def stacks_among(
-    corridor: Corridor, pieces: Sequence[Piece]
+    corridor: Corridor, pieces: Sequence[Piece], ctx: Context
 ) -> tuple[list[Piece], list[Alignment]]:
     """Arcs of the wires of all stacks between their supports, and alignments with these cuts.
 
@@ -86,7 +87,7 @@ def stacks_among(
         tracks = [alignment.track(corridor.wires.xyz[piece.points]) for piece in alignment.pieces]
         for own in planes(tracks, corridor.own_radius):
             stack = stack_in(corridor, alignment, np.vstack([tracks[k] for k in own]))
-            found = hung(corridor, stack) if stack is not None else None
+            found = hung(corridor, stack, ctx) if stack is not None else None
             if found is not None:
                 line, bend = found
                 for piece in line.pieces:
@@ -240,15 +241,13 @@ def gain(likely: Floats, tall: float) -> Floats:
     return np.asarray(np.log(astray + (1 - astray) * tall * likely))
 
 
-def hung(corridor: Corridor, stack: Stack) -> tuple[Alignment, float] | None:
+def hung(corridor: Corridor, stack: Stack, ctx: Context) -> tuple[Alignment, float] | None:
     """The wires of a stack with the chainages at which they are held, and their curvature.
 
-    None if none hang there.
-
-    Wires that sag by less than they are apart need not be looked for together, such as those of a
-    bundle, whose spans are longer than are tried.
+    None if none hang there, or need not be looked for together: wires that sag by less than they
+    are apart, such as those of a bundle, whose spans are longer than are tried.
     """
-    bend, spans = best_spans(stack)
+    bend, spans = best_spans(stack, ctx)
     if bend / 8 * np.median([(b - a) ** 2 for a, _, b, _ in spans] or [0.0]) < stack.spacing:
         return None
     pieces = list(wires_on(corridor, stack, bend, spans))
@@ -261,14 +260,18 @@ def hung(corridor: Corridor, stack: Stack) -> tuple[Alignment, float] | None:
     return replace(line, cuts=cuts, sigmas=sigmas), bend
 
 
-def best_spans(stack: Stack) -> tuple[float, list[Span]]:
+def best_spans(stack: Stack, ctx: Context) -> tuple[float, list[Span]]:
     """The curvature, 1 / metre, by which most points are likely on wires, and their spans."""
+
+    def told(bend: float) -> float:
+        ctx.progress(0.0)  # which ends it if it is to be cancelled
+        return spans_of(stack, bend, COARSE)[0]
+
     most = math.log(SETTINGS.arcs.most_tried / SETTINGS.arcs.least_tried)
     ratio = 1 + SETTINGS.arcs.curvature_spread
     bends = SETTINGS.arcs.least_tried * ratio ** np.arange(most / math.log(ratio))
-    coarse = max(bends.tolist(), key=lambda bend: spans_of(stack, bend, COARSE)[0])
-    near = [coarse * FINER**k for k in (-2, -1, 0, 1, 2)]
-    bend = max(near, key=lambda bend: spans_of(stack, bend, COARSE)[0])
+    coarse = max(bends.tolist(), key=told)
+    bend = max((coarse * FINER**k for k in (-2, -1, 0, 1, 2)), key=told)
     return bend, spans_of(stack, bend, FINE)[1]
 
 

@@ -200,7 +200,7 @@ def stacked(corridor: Corridor, ctx: Context) -> list[Tried]:
     if SETTINGS.sparse.stack_tolerance >= corridor.tolerance:
         return []
     close = corridor.without_refused(SETTINGS.sparse.stack_tolerance)
-    arcs, alignments = stacks_among(close, stacked_wires(close, ctx))
+    arcs, alignments = stacks_among(close, stacked_wires(close, ctx), ctx)
     wires, supports = wires_between(close, arcs, alignments)
     return [Tried(close, None, lines_from(close, wires, supports), supports)] if wires else []
 

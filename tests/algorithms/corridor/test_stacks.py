@@ -27,6 +27,7 @@ from algorithms.corridor._curves.tracks import Alignment
 from algorithms.corridor._settings import changed
 from algorithms.corridor.extract import CorridorExtract
 from algorithms.samples.scene import SamplesScene
+from toolbox.context import QUIET
 
 POLES = (0.0, 34.0, 66.0, 102.0, 135.0)  # along the street, metres
 HEIGHTS = (8.0, 7.6, 8.5, 9.4, 9.0)  # of the highest wire at these
@@ -103,7 +104,7 @@ def test_one_wire_is_no_stack() -> None:
 
 
 def test_a_stack_is_held_at_its_poles() -> None:
-    bend, spans = best_spans(stack_of(0.35, 4))
+    bend, spans = best_spans(stack_of(0.35, 4), QUIET)
     assert bend == pytest.approx(1 / C, rel=0.15)
     ends = np.unique([place for a, _, b, _ in spans for place in (a, b)])
     for pole in POLES[1:-1]:
@@ -169,7 +170,7 @@ def test_wires_that_hardly_sag_are_followed_one_by_one(c: float, found: bool) ->
             itertools.chain.from_iterable(made), ends, ends[1:], strict=False
         )
     ]
-    arcs, alignments = stacks_among(corridor, pieces)
+    arcs, alignments = stacks_among(corridor, pieces, QUIET)
     assert bool(arcs) == found
     if found:
         cuts = alignments[0].places(alignments[0].cuts)[:, 0]

@@ -20,6 +20,7 @@ from algorithms.corridor._curves.stacks import (
     slopes,
     spacing_of,
     spans_of,
+    stack_in,
     stacks_among,
 )
 from algorithms.corridor._curves.trace import Airborne
@@ -176,6 +177,17 @@ def test_wires_that_hardly_sag_are_followed_one_by_one(c: float, found: bool) ->
         cuts = alignments[0].places(alignments[0].cuts)[:, 0]
         assert all(np.abs(cuts - pole).min() < 1.0 for pole in POLES[1:-1])
         assert {arc.arc[1] for arc in arcs} == set(range(len(POLES) - 1))
+
+
+def test_wires_nearer_than_points_can_tell_are_no_stack() -> None:
+    """A bundle of two 0.4 m above each other was three wires 0.2 m apart."""
+    xyz = points_of(street(0.2, 3, per_metre=1.0))
+    corridor = corridor_of(xyz)
+    axis = Alignment.of([Piece(np.arange(len(xyz)), wire((0, 0, 8), (135, 0, 8), C)[0])])
+    track = axis.track(corridor.wires.xyz)
+    assert stack_in(corridor, axis, track) is None
+    with changed("stacks.closest", 0.15):
+        assert stack_in(corridor, axis, track) is not None
 
 
 def test_a_street_with_a_line_on_each_side_is_found() -> None:

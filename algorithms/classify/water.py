@@ -15,7 +15,7 @@ from algorithms.shared.ground import GROUND, OTHER, taking_part
 from algorithms.shared.polygons import Polygons
 from algorithms.shared.returns import SAME_PLACE, let_through
 from algorithms.shared.water_surface import WaterSurface, surfaces
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 from toolbox.declare import Share, outputs, sink, source, tool
 
@@ -41,8 +41,9 @@ class ClassifyWater:
     `slope` is not 0, or no level is given.
 
     Only points that are not classified or ground (0, 1 and 2) become water. All other classes stay,
-    and so do boats, reeds and bridges above the water, and what lies deep below it. Nothing moves,
-    and no terrain changes that was made before. The attribute confidence, where points have it, is
+    and so do boats, reeds and bridges above the water. Ground (2) that lies deeper below it than
+    the limit becomes 1, and is told: the terrain is level there. Nothing moves, and no terrain
+    changes that was made before. The attribute confidence, where points have it, is
     1 on water.
     """
 
@@ -84,8 +85,16 @@ class ClassifyWater:
         old = cloud["classification"] if "classification" in cloud else np.zeros(len(cloud), "u1")
         last = taking_part(cloud) & np.isin(old, UNNAMED) & ~let_through(cloud)
         wet = np.zeros(len(cloud), bool)
-        wet[last] = self._on_water(cloud.xyz[last], ctx)
-        classes = np.where(wet, WATER, old).astype(np.uint8)
+        wet[last], _ = self._on_water(cloud.xyz[last], ctx)
+        sunk = taking_part(cloud) & (old == GROUND) & ~wet
+        _, sunk[sunk] = self._on_water(cloud.xyz[sunk], ctx)
+        if sunk.any():
+            log.warning(
+                "%d points of ground lie deep below the water that they are in, which is no "
+                "ground that was seen: they became 1",
+                np.count_nonzero(sunk & cloud.core),
+            )
+        classes = np.where(wet, WATER, np.where(sunk, OTHER, old)).astype(np.uint8)
         made = {"classification": classes}
         if "confidence" in cloud:
             made["confidence"] = np.where(wet, 1, cloud["confidence"]).astype(np.float32)
@@ -96,21 +105,23 @@ class ClassifyWater:
             ground_share=Share.of_points(classes == GROUND, cloud.core),
         )
 
-    def _on_water(self, xyz: NDArray[np.float64], ctx: Context) -> Mask:
-        """True for positions near the surface of a water that they are in, shape (n,)."""
-        near = np.zeros(len(xyz), bool)
+    def _on_water(self, xyz: NDArray[np.float64], ctx: Context) -> tuple[Mask, Mask]:
+        """True for positions near the surface of a water that they are in, and deep below one."""
+        near, deep = np.zeros((2, len(xyz)), bool)
         layers = {"water": self.water} | ({"beneath": self.beneath} if self.beneath else {})
         every = [one for name, layer in layers.items() for one in surfaces(layer, name)]
         if not (every and len(xyz)):
-            return near
+            return near, deep
         inside = np.flatnonzero(Polygons.of(np.array([w.shape for w in every])).hold(xyz))
         for done, water in enumerate(every):
             ctx.progress(done / len(every))
             here = inside[_within_bounds(xyz[inside], water)]
             here = here[Polygons.of(np.array([water.shape])).hold(xyz[here])]
             above = xyz[here, 2] - water.at(xyz[here, 0], xyz[here, 1])
-            near[here] |= water.holds(above, self.points.metre)
-        return near
+            on_it = water.holds(above, self.points.metre)
+            near[here] |= on_it
+            deep[here] |= ~on_it & (above < 0)
+        return near, deep & ~near
 
 
 def _within_bounds(xyz: NDArray[np.float64], water: WaterSurface) -> Mask:

@@ -231,7 +231,7 @@ TOWERS = {
     "high_wire": Column("Highest wire", "m", 2),
     "azimuth": Column("Azimuth", "°", 0),
     "width": Column("Width", "m", 1),
-    "arms": Column("Width of the arms", "m", 1),
+    "arms": Column("Between the outermost wires", "m", 1),
     "string": Column(
         "Length of strings",
         "m",

@@ -40,6 +40,7 @@ FLATTEST = math.tan(math.radians(10.0))  # steepest ground on which strips are c
 FEWEST = 3  # points of a strip in a cell, for a mean height
 LARGEST_RMS = 0.08  # metres: RMSDz where strips overlap, quality levels 1 and 2 (USGS 2024)
 ONE_SIDED = 0.1  # share of cells with ground of one strip alone; 0 to 0.07 in clean surveys
+FEWEST_COMPARED = 30  # cells with two strips, for an RMS: as of checkpoints (ASPRS 2024)
 FEWEST_CELLS = 10  # of them that are told
 ROUNDING = 1e-9  # of a number of steps: 19.6 / 0.7 is a little more than 28
 COPIES = 0.01  # share of points at the place of another that is told; rounding makes a few
@@ -160,6 +161,12 @@ class PointsSurveyQuality:
             unit = unit_of_heights(self.density.crs)
             if self.strip_rms is None:
                 return f"{self.strip_count} strips overlap on {said} % of it."
+            cells = int(self.pairs.frame["cells"].sum())
+            if cells < FEWEST_COMPARED:
+                return (
+                    f"{self.strip_count} strips overlap on {said} % of it. How far they differ is "
+                    f"not known: of flat ground there are {cells} cells with both, fewer than 30."
+                )
             return (
                 f"{self.strip_count} strips overlap on {said} % of it, and differ there by "
                 f"{self.strip_rms:.3f} m{own_unit(self.strip_rms, unit)} (RMS of all pairs "

@@ -280,6 +280,19 @@ def wires_between(
     return (numbered(bent, supports) if len(bent) < len(wires) else bent), supports
 
 
+def is_arm(wire: Wire, supports: Sequence[Support]) -> bool:
+    """Whether a wire does not leave the arms of a support that holds it: it is a part of one."""
+    slack = SETTINGS.network.join_aside
+    for support in (supports[number] for number in wire.supports if number >= 0):
+        step = wire.curve.ends[:, :2] - (support.x, support.y)
+        aside = step @ support.across
+        along = step @ (-support.across[1], support.across[0])
+        low, high = support.reach[0] - slack, support.reach[1] + slack
+        if (np.abs(along) < slack).all() and (aside > low).all() and (aside < high).all():
+            return True
+    return False
+
+
 def sagging(wires: Sequence[Wire]) -> list[Wire]:
     """The wires without those that are surely straight.
 
@@ -488,7 +501,9 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
             wires.append(replace(wire, supports=(low, high), span=span, bundle=bundle, wire=number))
         supports += line.supports
     wires, supports = shared(wires, supports)
-    wires, supports = along_the_line(*shared(wires, all_centred(corridor, wires, supports)))
+    wires, supports = shared(wires, all_centred(corridor, wires, supports))
+    wires = [wire for wire in wires if not is_arm(wire, supports)]
+    wires, supports = along_the_line(wires, supports)
     return numbered([to_supports(wire, supports) for wire in wires], supports), supports
 
 

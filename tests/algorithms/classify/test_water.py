@@ -45,14 +45,21 @@ def test_three_times_the_scatter_of_returns_is_water() -> None:
 def test_below_the_water_is_no_bank_so_troughs_are_water_and_errors_are_not() -> None:
     """On the waves of the Wadden Sea one return of 40 was left as ground below the water."""
     points = over([9.86, 9.26, 9.24])
-    assert classes(points, water(level=10.0, scatter=0.04)) == [9, 9, 2]
-    assert classes(over([9.1, 8.9]), water(level=10.0, scatter=0.35)) == [9, 2]
+    assert classes(points, water(level=10.0, scatter=0.04)) == [9, 9, 1]
+    assert classes(over([9.1, 8.9]), water(level=10.0, scatter=0.35)) == [9, 1]
+
+
+def test_no_ground_is_left_deep_below_the_water(caplog: pytest.LogCaptureFixture) -> None:
+    """Gridded again, the classes of Den Oever had pits in the water; other classes stay."""
+    points = over([9.0, 9.0, 9.0, 9.95], classes=[2, 7, 1, 2])
+    assert classes(points, water(level=10.0, scatter=0.04)) == [1, 7, 1, 9]
+    assert "1 points of ground lie deep below" in caplog.text
 
 
 @pytest.mark.parametrize("told", [{}, {"scatter": None}, {"scatter": np.nan}])
 def test_water_whose_scatter_nobody_knows_may_be_rough(told: dict[str, Any]) -> None:
     points = over([10.74, 9.26, 10.76, 9.24])
-    assert classes(points, water(level=10.0, **told)) == [9, 9, 2, 2]
+    assert classes(points, water(level=10.0, **told)) == [9, 9, 2, 1]
 
 
 def test_rough_water_is_as_rough_in_feet() -> None:
@@ -107,11 +114,11 @@ def test_waters_have_their_own_surfaces() -> None:
     shapes = [shapely.box(WEST + x, NORTH, WEST + x + 4.5, NORTH + 10) for x in (0, 4.6)]
     told = {"level": [12.0, 10.0], "scatter": [0.02, 0.02]}
     both = Vector(geopandas.GeoDataFrame(told, geometry=shapes, crs=UTM))
-    assert classes(over([12.0, 12, 10, 10, 12, 10, 10, 12]), both) == [9, 9, 2, 2, 2, 9, 9, 2]
+    assert classes(over([12.0, 12, 10, 10, 12, 10, 10, 12]), both) == [9, 9, 1, 1, 2, 9, 9, 2]
 
 
 def test_points_below_bridges_are_water_by_a_layer_of_their_own() -> None:
-    here, elsewhere = water(level=10.0, scatter=0.04), water(level=99.0)
+    here, elsewhere = water(level=10.0, scatter=0.04), water(level=-99.0)
     points = over([10.1, 9.9, 10.2])
     found = ClassifyWater(points=points, water=elsewhere, beneath=here).run().classified
     assert found["classification"].tolist() == [9, 9, 2]

@@ -44,6 +44,7 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
+from algorithms.corridor._extraction.follow import is_arm
 from algorithms.corridor._extraction.labels import none_labelled
 from algorithms.corridor._extraction.missed import (
     conductor_counts,
@@ -1263,6 +1264,24 @@ def test_how_many_conductors_the_neighbours_lead_one_to_expect(
     told = conductor_counts(wires)
     assert [count for count, _ in told.values()] == list(counts)
     assert [s for s, (n, usual) in told.items() if usual is not None and n < usual] == lacking
+
+
+@pytest.mark.parametrize(
+    ("end", "supports", "is_one"),
+    [
+        ((0, 12, 10), (0, -1), True),  # three metres beyond the outermost wire is arm
+        ((0, 40, 10), (0, -1), False),  # leaves it: another line
+        ((60, 2, 10), (0, -1), False),
+        ((0, 12, 10), (-1, -1), False),  # held by none
+    ],
+)
+def test_a_part_of_an_arm_is_no_wire(
+    end: tuple[float, float, float], supports: tuple[int, int], is_one: bool
+) -> None:
+    """The chords of the arms of a lattice tower were eleven wires in four spans."""
+    curve = wire((0, 2, 10), end, 300)[0]
+    tower = Support(0.0, 0.0, (0.0, 1.0), (-10.0, 10.0), 9.0, 11.0, 0.0, 1.0)
+    assert is_arm(Wire(curve, supports, (0.0, curve.length), 0.25), [tower]) == is_one
 
 
 @pytest.mark.parametrize(("first", "bundles"), [([0, 0], 2), ([0, 1], 4)])

@@ -87,6 +87,14 @@ def test_strips_that_hardly_overlap_do_so_on_no_0_percent() -> None:
     assert "overlap on 0.04 % of it" in hardly.in_words()
 
 
+def test_a_few_cells_tell_no_difference_of_strips() -> None:
+    """Of one cell a report said by how much strips differ, as an RMS."""
+    some, few = (quality(strip(7, 0, 24), strip(9, x, 40), cell=2.0).in_words() for x in (16, 22))
+    assert "differ there by" in some
+    assert "differ there by" not in few
+    assert "of flat ground there are 20 cells with both, fewer than 30" in few
+
+
 def test_density_is_told_of_the_survey_and_of_each_strip() -> None:
     found = quality(strip(7, 0, 24), strip(9, 16, 40), cell=2.0)
     rows = {row["strip"]: row for row in found.by_strip.rows()}

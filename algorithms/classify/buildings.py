@@ -62,6 +62,7 @@ PER_POINT = 100  # how much longer than others a point takes in which planes are
 TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
 SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
 SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
+ROUNDING = 1e-9  # of a length: in feet the same one may come out a little shorter
 HALF_AS_DENSE = 0.5**0.5  # times as far apart are twice as many points per area
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 
@@ -340,7 +341,7 @@ class ClassifyBuildings:
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
         shapes = shapes[~bridges(features, planes, shapes)]
-        shapes = self._without_ground(features, planes, shapes, lengths, ctx)
+        shapes = self._without_ground(features, planes, shapes, lengths, ctx.part(1.0, 1.0))
         trees = crowns(shapes, features, planes)
         if trees.any():
             log.info(
@@ -367,10 +368,11 @@ class ClassifyBuildings:
         if not open_below.any():
             return shapes
         smaller = lengths._replace(alpha=lengths.alpha * HALF_AS_DENSE)
-        if self.alpha is not None or smaller.alpha < ALPHA * features.cloud.metre:
+        if self.alpha is not None or smaller.alpha < (1 - ROUNDING) * ALPHA * features.cloud.metre:
             log.info("%d regions have ground in between: no roofs", np.count_nonzero(open_below))
             return shapes[~open_below]
-        again = planes & Polygons.of(shapes[open_below]).hold(features.xyz)
+        around = shapely.buffer(shapes[open_below], TOUCHING * features.cloud.metre)
+        again = planes & Polygons.of(around).hold(features.xyz)  # their corners are points, too
         parts = self._regions(features, again, smaller, ctx)
         parts = parts[~as_narrow_and_low(parts, features)]
         parts = self._without_ground(features, planes, parts, smaller, ctx)

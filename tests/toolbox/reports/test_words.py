@@ -189,7 +189,9 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     row |= {"level": 3.5, "level_interval": 0.02, "slope": 0.0, "geometry": shapely.Point(0, 0)}
     water = Vector(geopandas.GeoDataFrame([row], geometry="geometry", crs=CRS))
     numbers = {"level": 3.5, "level_error": 0.01, "level_interval": 0.02, "area": 900.0, "count": 1}
-    layers = dict.fromkeys(("water", "shoreline", "vertices", "other_waters"), water)
+    layers = dict.fromkeys(
+        ("water", "shoreline", "vertices", "other_waters", "other_bodies"), water
+    )
     made = outputs(**layers, detail=1.0, **numbers)
     assert made.in_words() == (
         "One water body of 900 m² in all, 20 m² more or less; its level is 3.500 m, ± 0.020 m "

@@ -133,7 +133,7 @@ def bodies(
     shapes = _outlines(xyz.compress(some, axis=0)[:, :2], alpha, ctx)
     shapes = shapes[shapely.area(shapes) >= SMALLEST * metre**2]
     shapes = shapes[~surely_wide(shapes, WIDEST * metre)]
-    shapes = shapes[shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2))]
+    shapes = shapes[are_narrow(shapes, metre)]
     shapes = shapes[standing_free(shapes, xyz.compress(height < FOOT, axis=0), metre) >= FREE]
     for shape in shapes:
         inside = features.within(shape.buffer(TOUCHING * metre), some)
@@ -147,12 +147,16 @@ def bodies(
 
 
 def as_narrow_and_low(shapes: Shapes, features: PointFeatures) -> Mask:
-    """True for outlines in which no disc as wide as vehicles has room, and no higher than these."""
+    """True for outlines that are as narrow as vehicles, and no higher than these."""
     metre, height = features.cloud.metre, features.terrain[1]
-    narrow = shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2))
     around = shapely.buffer(shapes, TOUCHING * metre)
     top = [np.percentile(height[features.within(shape)], TOP) for shape in around]
-    return np.asarray(narrow & (np.asarray(top) <= HIGHEST))
+    return are_narrow(shapes, metre) & (np.asarray(top) <= HIGHEST)
+
+
+def are_narrow(shapes: Shapes, metre: float) -> Mask:
+    """True for outlines in which no disc as wide as vehicles has room."""
+    return np.asarray(shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2)))
 
 
 def _outlines(xy: Floats, alpha: float, ctx: Context) -> Shapes:

@@ -83,11 +83,11 @@ class ClassifyWater:
         """Compare the last returns with the water below them."""
         cloud = self.points
         old = cloud["classification"] if "classification" in cloud else np.zeros(len(cloud), "u1")
-        last = taking_part(cloud) & np.isin(old, UNNAMED) & ~let_through(cloud)
-        wet = np.zeros(len(cloud), bool)
-        wet[last], _ = self._on_water(cloud.xyz[last], ctx.part(0.0, 0.5))
-        sunk = taking_part(cloud) & (old == GROUND) & ~wet
-        _, sunk[sunk] = self._on_water(cloud.xyz[sunk], ctx.part(0.5, 1.0))
+        may = taking_part(cloud) & np.isin(old, UNNAMED)
+        wet, sunk = np.zeros((2, len(cloud)), bool)
+        wet[may], sunk[may] = self._on_water(cloud.xyz[may], ctx)
+        wet &= ~let_through(cloud)
+        sunk &= old == GROUND
         if sunk.any():
             log.warning(
                 "%d points of ground lie deep below the water that they are in, which is no "

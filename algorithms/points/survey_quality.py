@@ -165,7 +165,8 @@ class PointsSurveyQuality:
             if cells < FEWEST_COMPARED:
                 return (
                     f"{self.strip_count} strips overlap on {said} % of it. How far they differ is "
-                    f"not known: of flat ground there are {cells} cells with both, fewer than 30."
+                    f"not known: of flat ground there are {cells} cells with both, fewer than "
+                    f"{FEWEST_COMPARED}."
                 )
             return (
                 f"{self.strip_count} strips overlap on {said} % of it, and differ there by "

@@ -315,20 +315,21 @@ class SurfaceFlattenWater:
     def _tell_beneath(self, rise: Array, lattice: Lattice) -> None:
         """Log how much of the terrain was below water that goes on there, and where."""
         if count := np.count_nonzero(rise):
-            unit, _ = unit_of_heights(self.terrain.crs) or ("m", 1.0)
-            row, col = np.unravel_index(rise.argmax(), rise.shape)
-            east, north = lattice.centres()
             log.warning(
                 "%d cells of the terrain lay below the water that they are joined to, by up to "
                 "%.2f %s at %.1f,%.1f, and hardly any ground was seen there, as below a bridge or "
                 "in a sluice: they have its level, the lower one between two waters; where there "
                 "is land below the water, it is lost",
                 count,
-                rise.max(),
-                unit,
-                east[col],
-                north[row],
+                *self._most(rise, lattice),
             )
+
+    def _most(self, rise: Array, lattice: Lattice) -> tuple[float, str, float, float]:
+        """The largest rise with its unit, and where it is."""
+        unit, _ = unit_of_heights(self.terrain.crs) or ("m", 1.0)
+        row, col = np.unravel_index(rise.argmax(), rise.shape)
+        east, north = lattice.centres()
+        return float(rise.max()), unit, float(east[col]), float(north[row])
 
     def _outlined(self, hidden: Sequence[Beneath], lattice: Lattice) -> Vector:
         """Places below which water goes on as polygons of cells, with level and scatter."""
@@ -379,20 +380,15 @@ class SurfaceFlattenWater:
 
     def _tell_no_shore(self, rise: Array, lattice: Lattice) -> None:
         """Log where ground was raised by more than a shore is lower: the water may be none."""
-        unit, metres = unit_of_heights(self.terrain.crs) or ("m", 1.0)
+        _, metres = unit_of_heights(self.terrain.crs) or ("m", 1.0)
         if deep := np.count_nonzero(rise * metres > NO_SHORE):
-            row, col = np.unravel_index(rise.argmax(), rise.shape)
-            east, north = lattice.centres()
             log.warning(
                 "%d cells beside water were raised by more than %g m, by up to %.2f %s at "
                 "%.1f,%.1f: so low ground is no shore, and the water there may be none, or held by "
                 "a dam that is narrower than the cells",
                 deep,
                 NO_SHORE,
-                rise.max(),
-                unit,
-                east[col],
-                north[row],
+                *self._most(rise, lattice),
             )
 
     def _tell_unsure(self) -> None:

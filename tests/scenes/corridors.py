@@ -95,6 +95,11 @@ def cloud(*parts: Floats, classes: Sequence[int] | None = None) -> PointCloud:
     return PointCloud(np.vstack(parts) + CORNER, {"truth": truth}, crs=CRS(32635), name="line.laz")
 
 
+def unlabelled(points: PointCloud) -> PointCloud:
+    """The same points, of which none is classified."""
+    return points.with_attributes({"classification": np.ones(len(points), np.uint8)})
+
+
 def quality(said: Floats, true: Floats) -> float:
     """Share of points that are both among those that are either; masks of shape (n,)."""
     return float((said & true).sum() / (said | true).sum())

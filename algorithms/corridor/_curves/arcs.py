@@ -287,11 +287,15 @@ def at_known_supports(
 def usual_bend(bins: Binned) -> float:
     """The curvature that the arcs of a line have in common, 1 / metre."""
     usual = usual_price(bins)
-    bends = SETTINGS.arcs.least_tried * (1 + SETTINGS.arcs.curvature_spread) ** np.arange(
-        math.log(SETTINGS.arcs.most_tried / SETTINGS.arcs.least_tried)
-        / math.log(1 + SETTINGS.arcs.curvature_spread)
-    )
-    return float(min(bends, key=lambda bend: solved(bins, bend, usual)[0]))
+    return min(bends_tried(), key=lambda bend: solved(bins, bend, usual)[0])
+
+
+def bends_tried() -> list[float]:
+    """Curvatures that are tried, each farther from the last than spans differ, 1 / metre."""
+    ratio = 1 + SETTINGS.arcs.curvature_spread
+    most = math.log(SETTINGS.arcs.most_tried / SETTINGS.arcs.least_tried)
+    steps = np.arange(most / math.log(ratio))
+    return [float(bend) for bend in SETTINGS.arcs.least_tried * ratio**steps]
 
 
 def edges_of(bins: Binned, bend: float, arms: Floats, poles: Floats, seen: Floats) -> Ints:

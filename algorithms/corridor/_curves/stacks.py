@@ -26,7 +26,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves import stacks_kernels as kernels
-from algorithms.corridor._curves.arcs import settled_at
+from algorithms.corridor._curves.arcs import bends_tried, settled_at
 from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.tracks import Alignment, abreast, alignments_among, beside
@@ -129,16 +129,17 @@ def stack_in(corridor: Corridor, alignment: Alignment, track: Floats) -> Stack |
     start = track[:, 0].min() - beyond
     at = np.arange(0.0, track[:, 0].max() + beyond - start + 1.0)
     aside, middle = (running(track[:, 0] - start, track[:, k], at, reach) for k in (1, 2))
-    u, v = alignment.along(corridor.wires.xyz)
-    u, z = u - start, corridor.wires.xyz[:, 2]
-    inside = (u > 0) & (u < at[-1]) & ~corridor.refused
+    spots = alignment.places(start + at) + aside[:, None] * (-alignment.ey, alignment.ex)
+    near = corridor.wires.within(spots, reach)
+    u, v, z = alignment.track(corridor.wires.xyz[near]).T
+    u -= start
+    inside = (u > 0) & (u < at[-1]) & ~corridor.refused[near]
     inside &= np.abs(v - np.interp(u, at, aside)) < corridor.own_radius
     inside &= np.abs(z - np.interp(u, at, middle)) < tall_of_stack() / 2
-    points = np.flatnonzero(inside)
-    points = points[np.argsort(u[points], kind="stable")]
+    order = np.flatnonzero(inside)[np.argsort(u[inside], kind="stable")]
+    points, u, z = near[order], u[order], z[order]
     if not len(points):
         return None
-    u, z = u[points], z[points]
     middle = running(u, z, at, reach)
     slope = slopes(u, z, at, reach)
     scatter = corridor.tolerance / 2
@@ -267,10 +268,7 @@ def best_spans(stack: Stack, ctx: Context) -> tuple[float, list[Span]]:
         ctx.progress(0.0)  # which ends it if it is to be cancelled
         return spans_of(stack, bend, COARSE)[0]
 
-    most = math.log(SETTINGS.arcs.most_tried / SETTINGS.arcs.least_tried)
-    ratio = 1 + SETTINGS.arcs.curvature_spread
-    bends = SETTINGS.arcs.least_tried * ratio ** np.arange(most / math.log(ratio))
-    coarse = max(bends.tolist(), key=told)
+    coarse = max(bends_tried(), key=told)
     bend = max((coarse * FINER**k for k in (-2, -1, 0, 1, 2)), key=told)
     return bend, spans_of(stack, bend, FINE)[1]
 

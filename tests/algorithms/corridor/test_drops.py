@@ -7,7 +7,7 @@ import logging
 import numpy as np
 import pytest
 import shapely
-from scenes.corridors import CORNER, Floats, bar, cloud, ground, tree
+from scenes.corridors import CORNER, Floats, bar, cloud, ground, tree, unlabelled
 
 from algorithms.compare.spans import CompareSpans
 from algorithms.corridor._curves.catenary import Catenary
@@ -182,8 +182,7 @@ def test_drops_of_a_made_street_are_found() -> None:
     """On this one nothing was chosen; 7 of its 22 drops have points in four metres or more."""
     made = SamplesScene(kind="corridor", preset="service_drops", seed=321).run()
     truth = made.points["classification"]
-    blank = made.points.with_attributes({"classification": np.ones(len(truth), np.uint8)})
-    found = CorridorExtract(points=blank).run()
+    found = CorridorExtract(points=unlabelled(made.points)).run()
     lines = made.features.frame
     lines = lines[(lines.kind == "wire") & (lines.line == "service drop")]
     drop = found.wires.frame[found.wires.frame["drop"] == 1]

@@ -26,6 +26,7 @@ from scenes.corridors import (
     pole,
     quality,
     tree,
+    unlabelled,
     wire,
 )
 
@@ -1028,9 +1029,8 @@ def test_feet_give_the_lines_of_metres() -> None:
 def test_braces_of_a_tower_on_a_steep_slope_are_no_wires() -> None:
     """Two of three towers were found: the last stood 3 m off, in the middle of its bracing."""
     made = SamplesScene(kind="corridor", preset="mountain", seed=316).run()
-    truth, features = made.points["classification"], made.features.frame
-    blank = made.points.with_attributes({"classification": np.ones(len(truth), np.uint8)})
-    result = CorridorExtract(points=blank).run()
+    features = made.features.frame
+    result = CorridorExtract(points=unlabelled(made.points)).run()
     feet = shapely.get_coordinates(result.towers.frame.geometry)
     shapes = features[features.kind == "tower"].geometry
     true = np.array([shapely.get_coordinates(shape)[0] for shape in shapes])

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes.corridors import Floats, bar, cloud, ground, tree, wire
+from scenes.corridors import Floats, bar, cloud, ground, tree, unlabelled, wire
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.hardware import Beside, stems
@@ -54,8 +54,7 @@ def test_a_street_whose_spans_rise_and_fall_is_found_to_its_end() -> None:
     """Where arcs as long as two spans were taken first, five of ten poles were found."""
     made = SamplesScene(kind="corridor", preset="street_low_voltage", seed=309).run()
     truth = made.points["classification"]
-    blank = made.points.with_attributes({"classification": np.ones(len(truth), np.uint8)})
-    found = CorridorExtract(points=blank).run()
+    found = CorridorExtract(points=unlabelled(made.points)).run()
     on_wire = found.classified["classification"] == 14
     assert np.mean(on_wire[truth == 14]) > 0.9
     assert found.tower_count == np.count_nonzero(made.features.frame.kind == "tower")

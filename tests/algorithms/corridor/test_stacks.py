@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from scenes.corridors import Floats, wire
+from scenes.corridors import Floats, unlabelled, wire
 
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.stacks import (
@@ -194,8 +194,7 @@ def test_a_street_with_a_line_on_each_side_is_found() -> None:
     """Wires that changed over were in spans of the other line: 12 of 23 poles were found."""
     made = SamplesScene(kind="corridor", preset="street_both", seed=301).run()
     truth = made.points["classification"]
-    blank = made.points.with_attributes({"classification": np.ones(len(truth), np.uint8)})
-    found = CorridorExtract(points=blank).run()
+    found = CorridorExtract(points=unlabelled(made.points)).run()
     on_wire = found.classified["classification"] == 14
     assert np.mean(on_wire[truth == 14]) > 0.9
     assert np.mean(truth[on_wire] == 14) > 0.98

@@ -337,7 +337,7 @@ def wires_on(
         level[own] = np.where(on_it, away.argmin(axis=1), -1)
     for k in range(stack.count):
         points = np.sort(stack.points[level == k])
-        curve = fit(corridor.wires.xyz[points])
+        curve = fit(corridor.wires.xyz[points], spread=math.inf)  # of many spans: where it leads
         if curve is not None:
             yield Piece(points, curve)
 

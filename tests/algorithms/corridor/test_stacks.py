@@ -65,6 +65,16 @@ def corridor_of(xyz: Floats) -> Corridor:
     return Corridor(air, air.xyz[:, 2], yes, 0.1, lambda x, y: 0.0, lambda x, y: True)
 
 
+def pieces_of(made: list[tuple[object, Floats]]) -> list[Piece]:
+    """The curves with their points, by the order of these in a corridor of all."""
+    row = np.argsort(corridor_of(np.vstack([points for _, points in made])).air.order)
+    ends = np.cumsum([0, *(len(points) for _, points in made)])
+    return [
+        Piece(np.sort(row[low:high]), curve)  # type: ignore[arg-type]
+        for (curve, _), low, high in zip(made, ends, ends[1:], strict=False)
+    ]
+
+
 def stack_of(spacing: float, count: int, **how: float) -> Stack:
     """A stack along x whose points, places and number of wires are known."""
     made = street(spacing, count, **how)  # type: ignore[arg-type]
@@ -163,14 +173,7 @@ def test_wires_that_hardly_sag_are_followed_one_by_one(c: float, found: bool) ->
     """As the subconductors of a bundle: cut into spans that are none, they were."""
     made = street(0.35, 4, c=c)
     corridor = corridor_of(points_of(made))
-    row = np.argsort(corridor.air.order)
-    ends = np.cumsum([0, *(len(points) for wires in made for _, points in wires)])
-    pieces = [
-        Piece(np.sort(row[low:high]), curve)  # type: ignore[arg-type]
-        for (curve, _), low, high in zip(
-            itertools.chain.from_iterable(made), ends, ends[1:], strict=False
-        )
-    ]
+    pieces = pieces_of(list(itertools.chain.from_iterable(made)))
     arcs, alignments = stacks_among(corridor, pieces, QUIET)
     assert bool(arcs) == found
     if found:
@@ -188,6 +191,23 @@ def test_wires_nearer_than_points_can_tell_are_no_stack() -> None:
     assert stack_in(corridor, axis, track) is None
     with changed("stacks.closest", 0.15):
         assert stack_in(corridor, axis, track) is not None
+
+
+def test_a_stack_is_found_whatever_hills_its_street_crosses() -> None:
+    """A curve along all spans was fitted as if one wire hung there, and in hills there is none."""
+    poles, heights = np.arange(0.0, 300.0, 36.0), (7.0, 6.0, 16.0, 13.0, 9.0, 15.0, 9.0, 11.0, 11.0)
+    spans = list(itertools.pairwise(zip(poles, heights, strict=True)))
+    made = [
+        wire((a, 0, y - 0.35 * k), (b, 0, z - 0.35 * k), C, 0.3, seed=n)
+        for k in range(4)
+        for n, ((a, y), (b, z)) in enumerate(spans)
+    ]
+    corridor = corridor_of(np.vstack([points for _, points in made]))
+    arcs, alignments = stacks_among(corridor, pieces_of(made), QUIET)
+    assert len(arcs) == 4 * (len(alignments[0].cuts) + 1), "all wires in all spans"
+    cuts, sigmas = alignments[0].places(alignments[0].cuts)[:, 0], alignments[0].sigmas
+    assert len(cuts) == len(poles) - 3, "at the pole between 13 and 15 m no wire bends"
+    assert all(np.abs(poles - cut).min() < 2 * sigma for cut, sigma in zip(cuts, sigmas, strict=True))
 
 
 def test_a_street_with_a_line_on_each_side_is_found() -> None:

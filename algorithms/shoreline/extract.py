@@ -197,7 +197,13 @@ class ShorelineExtract:
             return NINETY_FIVE * float(np.linalg.norm(self.water.frame["area_error"]))
 
         def not_looked_at(self) -> Iterator[str]:
-            """Parts of outlines that are no shore."""
+            """Shores that crowns and bridges hide, and parts of outlines that are no shore."""
+            if self.count:
+                yield (
+                    "Shores below crowns and bridges: where nothing came back from below, outlines "
+                    "of water end at the crowns and bridges, up to some metres short of the true "
+                    "shore; the intervals of areas do not hold that"
+                )
             lengths = unit_of_lengths(self.water.crs)
             if text := open_edges(self.water.frame.to_dict("records"), lengths):
                 yield text
@@ -275,8 +281,8 @@ class ShorelineExtract:
                 f"{name_of(cells, one)}, level {in_unit(cells, one.level.height)}" for one in rest
             ]
             log.warning(
-                "points: %d other water bodies were found, of which the outlines alone are "
-                "given: %s",
+                "points: %d other water bodies were found, which are given apart and do not "
+                "count in area and level: %s",
                 len(rest),
                 some_of(names),
             )

@@ -111,6 +111,12 @@ def test_the_log_has_the_numbers_and_areas_of_the_table(caplog: pytest.LogCaptur
     assert "of about" not in caplog.text
 
 
+def test_what_crowns_and_bridges_hide_is_told_where_there_is_water() -> None:
+    """A set gave outlines 5 m short of a quay, as crowns hung over a canal, and did not say so."""
+    assert any("below crowns and bridges" in text for text in extract(lake()).not_looked_at())
+    assert not list(extract(hillside(0, 0.06)).not_looked_at())
+
+
 def test_islands_stay_and_small_ones_are_a_choice() -> None:
     cloud = lake(island=4.0)
     (island,) = only(extract(cloud)).geometry.interiors
@@ -123,7 +129,10 @@ def test_a_pond_at_the_same_level_is_another_body(caplog: pytest.LogCaptureFixtu
     cloud = lake(pond=7.0)
     lake_alone = extract(cloud)
     assert iou(only(lake_alone).geometry, CIRCLE) > 0.98
-    told = "1 other water bodies were found, of which the outlines alone are given: water body 2 ("
+    told = (
+        "1 other water bodies were found, which are given apart and do not count in area and "
+        "level: water body 2 ("
+    )
     (warning,) = [one.getMessage() for one in caplog.records if told in one.getMessage()]
     assert "seed_point" not in warning, "it goes into papers of people who run nothing"
     assert "seed_point takes the water at a place" in caplog.text
@@ -131,9 +140,10 @@ def test_a_pond_at_the_same_level_is_another_body(caplog: pytest.LogCaptureFixtu
     caplog.clear()
     every = extract(cloud, bodies="all")
     both = every.water.frame
-    assert "the outlines alone" not in caplog.text
+    assert "which are given apart" not in caplog.text
     assert every.other_waters.frame.empty
     (outline,) = lake_alone.other_waters.frame.itertuples()
+    assert len(lake_alone.other_bodies.frame) == 1, "a polygon is given, too"
     assert (outline.body, outline.kind) == (2, "shore")
     assert shapely.Polygon(outline.geometry).equals_exact(both.geometry[1], 1e-9)
     assert f"water body 2 ({both['area'][1]:.0f} m2, at " in warning, "as in tables, not by cells"

@@ -201,7 +201,8 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     water = Vector(water.frame.assign(level_interval=0.0002))
     exact = outputs(**{**layers, "water": water}, detail=1.0, **numbers)
     assert "3.500 m, ± 0.001 m within" in exact.in_words(), "not 0.000"
-    (unseen,) = made.not_looked_at()
+    hidden, unseen = made.not_looked_at()
+    assert "below crowns and bridges" in hidden
     assert "40 m of 100 m of its outline is the edge of the data" in unseen
 
 

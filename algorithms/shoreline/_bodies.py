@@ -622,7 +622,7 @@ class Pour:
         """
         metre = self.cells.metre
         floor = np.where(self.cells.high > level + STEP * metre, np.float32(np.inf), self.floor)
-        below, inner = level - DROP * metre, starts[np.isfinite(floor.ravel()[starts])]
+        below, inner = level - DROP * metre, starts[floor.ravel()[starts] < np.inf]
         return self._over(floor, inner, level + STEP * metre, below, most_lower, LEVEL)
 
     def _over(

@@ -508,6 +508,20 @@ def test_a_sea_dam_of_which_two_points_in_a_hundred_are_left(
         assert thin["level"].iloc[k] == pytest.approx(whole["level"].iloc[k], abs=0.02)
 
 
+def test_a_hole_is_held_by_dikes_that_are_narrower_than_cells() -> None:
+    """Their lowest points are at the level of the water; holes had no height, and were left out."""
+    cells = grid(Returns.of(slope(rise=0.0), None, None))
+    for name in ("low", "high", "middle"):
+        getattr(cells, name)[:] = 8.5
+    dike, hole = np.s_[39:61, 39:61], np.s_[40:60, 40:60]
+    cells.low[dike], cells.high[dike] = 10.0, 10.7
+    cells.count[hole], cells.known[hole] = 0, 0
+    cells.low[hole], cells.high[hole], cells.middle[hole] = math.inf, -math.inf, 10.0
+    places = np.arange(cells.low.size).reshape(cells.low.shape)[hole].ravel()
+    (body,) = Pour(cells, 100.0).on(places, 10.0, Tilt())
+    assert (body.cells == places).all()
+
+
 def test_a_hole_outside_of_all_points_holds_no_water_and_does_not_stop_the_run() -> None:
     """South of a corridor that bends; water that was poured there stopped the run."""
     made = scene("power_lines", size=300, density=1.5, seed=901)

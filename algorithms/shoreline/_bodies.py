@@ -425,6 +425,7 @@ class Pour:
     later : places that are known by their level alone, or too little, as far as their shores tell
     ran_off : places as level and large as water may be, from which water would run off
     refused : the largest area that was no water: its cells and the reason
+    reasons : why the last place that begins with a cell is no water, by that cell
     """
 
     def __init__(self, cells: CellGrid, least_area: float) -> None:
@@ -438,6 +439,7 @@ class Pour:
         self.later: list[_Later] = []
         self.ran_off: list[Body] = []
         self.refused: tuple[Ints, str] = (np.zeros(0, np.int64), "")
+        self.reasons: dict[int, str] = {}
 
     def empty(self) -> None:
         """Forget what has been found."""
@@ -466,9 +468,9 @@ class Pour:
             body, lower = self._behind_dikes(starts, level, most_lower)
         if lower > most_lower:
             self._note(starts, level, tilt)
-            return self._refuse(body, f"water would run off to ground {DROP:g} m lower")
+            return self._refuse(starts, body, f"water would run off to ground {DROP:g} m lower")
         if len(body) < self.fewest:
-            return self._refuse(body, "too small")
+            return self._refuse(starts, body, "too small")
         shore = self._shore(body)
         judged, why = judge(self.cells, body, level, tilt, shore, rough=rough)
         if judged and not judged.holds and (dikes or self._above_water(body, level) > most_lower):
@@ -480,7 +482,7 @@ class Pour:
             doubtful = judged is not None
             self.later.append(_Later((starts, level, tilt), rough, doubtful, body, len(shore)))
         if judged is None:
-            return self._refuse(body, why)
+            return self._refuse(starts, body, why)
         if judged.doubtful and not last:
             return []
         self._take(body, level, tilt)
@@ -542,10 +544,31 @@ class Pour:
         self.state.ravel()[body] = TAKEN
         self.middle.ravel()[body] = level + tilt.at(body // cols, body % cols)
 
-    def _refuse(self, body: Ints, reason: str) -> list[Body]:
+    def _refuse(self, starts: Ints, body: Ints, reason: str) -> list[Body]:
+        self.reasons[int(starts[0])] = reason
         if len(body) > len(self.refused[0]):
             self.refused = body, reason
         return []
+
+    def no_water(self, wet: Mask) -> list[tuple[Ints, str]]:
+        """Holes as large as bodies that are no water, each with the reason, the largest first.
+
+        Data lie around them: of those at the edge of the data no shore is known, and narrow ones
+        are gaps between strips and shadows.
+
+        Parameters
+        ----------
+        wet : array of shape (rows, cols), True in all water that was found
+        """
+        holes = [
+            (hole, self.reasons[int(hole[0])])
+            for hole in _patches(self.cells.hole, self.fewest)
+            if int(hole[0]) in self.reasons
+            and not wet.ravel()[hole].any()
+            and not self.rim.ravel()[hole].any()
+            and len(core_of(self.cells, hole, 0.0)) >= WIDE * len(hole)
+        ]
+        return sorted(holes, key=lambda one: (-len(one[0]), one[0][0]))
 
     def again(self, body: Body, level: Level, tilt: Tilt) -> list[Body]:
         """The body extended to all cells that its waves reach, up to a crest above its level.

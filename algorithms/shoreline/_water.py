@@ -150,6 +150,7 @@ def find_water(
         _tell_nothing(cells, pour)
     _tell_sparse(cells, least_area)
     _tell_above(cells, pour, found)
+    _tell_holes(cells, pour, found)
     _tell_steps(cells, found)
     return cells, [with_hidden_shore(cells, one) for one in sorted(found, key=_by_size)]
 
@@ -331,9 +332,7 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
     They return few pulses or are dark, or meet a body along much of its shore, which then may be
     none: ice, floating plants, or a flight at another time.
     """
-    wet = np.zeros(cells.low.shape, bool)
-    for water in found:
-        wet.ravel()[water.body.cells] = True
+    wet = _wet(cells, found)
     told: list[Body] = []
     for place in sorted(pour.ran_off, key=lambda one: (-len(one.cells), one.cells[0])):
         if wet.ravel()[place.cells].mean() > OVERLAP:
@@ -350,6 +349,39 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
             len(told),
             some_of([_above(cells, one, found) for one in told]),
         )
+
+
+def _tell_holes(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
+    """Log holes of the data that are no water, though they are as large: their shore may mislead.
+
+    Between walls or below crowns the lowest points beside a water tell a level above its banks.
+    """
+    holes = pour.no_water(_wet(cells, found))
+    if holes:
+        area = cells.area / cells.metre**2
+        log.warning(
+            "points: holes of the data of at least %.0f m2 that do not count as water: %d; water "
+            "between walls or below crowns, beside which nothing is as low as its shore, or roofs, "
+            "shadows and gaps; a terrain has there what lies around, unless it is given outlines "
+            "of known water: %s",
+            pour.fewest * area,
+            len(holes),
+            some_of([_hole(cells, *one) for one in holes]),
+        )
+
+
+def _hole(cells: CellGrid, some: Ints, reason: str) -> str:
+    """Text on the size and the place of a hole, and why it is no water."""
+    x, y = _centre(cells, some)
+    return f"about {_area_of(cells, some):.0f} m2 at {x:.1f},{y:.1f}, refused because {reason}"
+
+
+def _wet(cells: CellGrid, found: Sequence[Water]) -> NDArray[np.bool_]:
+    """Which cells are of some waters, shape (rows, cols)."""
+    wet = np.zeros(cells.low.shape, bool)
+    for water in found:
+        wet.ravel()[water.body.cells] = True
+    return wet
 
 
 def _above(cells: CellGrid, place: Body, found: Sequence[Water]) -> str:
@@ -371,7 +403,7 @@ def listed(cells: CellGrid, waters: Sequence[Water]) -> str:
 def _place(cells: CellGrid, some: Ints, level: float) -> str:
     """Text on size, place and level of some cells."""
     x, y = _centre(cells, some)
-    area = _digits(len(some) * cells.area / cells.metre**2)
+    area = _area_of(cells, some)
     return f"about {area:.0f} m2 at {x:.1f},{y:.1f}, level {in_unit(cells, level, 2)}"
 
 
@@ -610,8 +642,12 @@ def name_of(cells: CellGrid, water: Water) -> str:
         size = water.area / square
         own = own_unit(size, cells.own, 2)
         return f"water body {water.number} ({size:.0f} m2{own}, at {x:.1f},{y:.1f})"
-    area = _digits(len(water.body.cells) * cells.area / square)
-    return f"the water of about {area:.0f} m2 at {x:.1f},{y:.1f}"
+    return f"the water of about {_area_of(cells, water.body.cells):.0f} m2 at {x:.1f},{y:.1f}"
+
+
+def _area_of(cells: CellGrid, some: Ints) -> float:
+    """Area of cells in m2, in the digits that they tell."""
+    return _digits(len(some) * cells.area / cells.metre**2)
 
 
 def _digits(area: float) -> float:
@@ -701,7 +737,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 "than %g m above its level, as at %.1f,%.1f: a gap of the data, a pool above a "
                 "weir, or cliffs, walls or crowns. It counts as water, but its outline may be no "
                 "shore",
-                _digits(len(some) * cells.area / metre**2),
+                _area_of(cells, some),
                 name_of(cells, one),
                 WALL,
                 *_centre(cells, some),

@@ -522,6 +522,20 @@ def test_a_hole_is_held_by_dikes_that_are_narrower_than_cells() -> None:
     assert (body.cells == places).all()
 
 
+@pytest.mark.parametrize(("east", "told"), [(92.0, True), (78.0, False), (110.0, False)])
+def test_holes_that_are_no_water_are_told_beside_water(
+    east: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """They were told only where there was no water at all; not so narrow ones, and open ones."""
+    points = lake(centre=(35.0, 35.0))
+    x, y = (points.xyz - ORIGIN)[:, :2].T
+    hole = (x > 75) & (x < east) & (abs(y - 83) < 8)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        assert extract(points.select(~hole), bodies="all").count == 1
+    assert ("holes of the data of at least 101 m2 that do not count" in caplog.text) is told
+    assert ("500086.8,4600083.1, refused because water would run off" in caplog.text) is told
+
+
 def test_a_hole_outside_of_all_points_holds_no_water_and_does_not_stop_the_run() -> None:
     """South of a corridor that bends; water that was poured there stopped the run."""
     made = scene("power_lines", size=300, density=1.5, seed=901)

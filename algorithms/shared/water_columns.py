@@ -34,6 +34,13 @@ WATER = {
     "slope": Column("Slope of the level", "", 6),
     "area": Column("Area", "m²", 0),
     "area_error": Column("Standard error of the area", "m²", 0, never_zero=True),
+    "hidden_area": Column(
+        "Hidden by crowns beside it",
+        "m²",
+        0,
+        meaning="Between the outline and the first ground, where crowns hide what is below: it is "
+        "not in the area, and the standard error of the area holds that all of it may be water",
+    ),
     "perimeter": Column("Perimeter", "m", 0),
     "open_length": Column("Edge of the data in it", "m", 0),
     "islands": Column("Islands"),

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import CellGrid, window
+from algorithms.shoreline._hidden import hidden
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._shore import BAND, INSIDE, Shore, area_of, shore
 from algorithms.shoreline._smooth import smooth_part
@@ -27,6 +28,7 @@ Row = dict[str, Any]
 
 SPACINGS, LEAST_SMOOTHING = 2.0, 1.0  # of points, and m: zigzag that is taken out by itself
 ALIKE = 20.0  # m of a shore along which errors are taken to be alike
+TWO = 1.96  # standard deviations that hold 95 %
 COMMON = 0.5  # of them, which is alike along all of the shore: banks have one form
 
 
@@ -41,6 +43,7 @@ class Outline:
     shore : its rings: of every part first the outer one, then its islands
     parts : for each part the numbers of its rings
     cells : in which it was found
+    hidden : for each part the area beside it that crowns hide, in the unit of the data
     """
 
     number: int
@@ -48,6 +51,7 @@ class Outline:
     shore: Shore
     parts: list[list[int]]
     cells: CellGrid
+    hidden: Sequence[float]
 
     @property
     def polygons(self) -> list[shapely.Polygon]:
@@ -66,7 +70,7 @@ class Outline:
     def rows(self) -> Iterator[tuple[shapely.Polygon, Row]]:
         """Polygons with their attributes."""
         level, body, metre = self.water.level, self.water.body, self.cells.metre
-        for polygon, part in zip(self.polygons, self.parts, strict=True):
+        for polygon, part, beside in zip(self.polygons, self.parts, self.hidden, strict=True):
             sigma, length, is_open = (
                 np.concatenate(v) for v in zip(*(self._sides(k) for k in part), strict=True)
             )
@@ -74,7 +78,8 @@ class Outline:
             total = max(float(at_shore.sum()), 1e-9)
             error = float(np.sqrt((sigma**2 * at_shore).sum() / total))
             alike = min(1.0, float(np.sqrt(ALIKE * metre / total)))
-            of_area = error * total * float(np.hypot(COMMON, alike))
+            # Below crowns all may be water, or nothing: that is no error of which some cancels out.
+            of_area = error * total * float(np.hypot(COMMON, alike)) + beside / TWO
             yield (
                 polygon,
                 {
@@ -86,6 +91,7 @@ class Outline:
                     "slope": round(float(np.hypot(*level.gradient)), 6),
                     "area": round(polygon.area / metre**2, 2),
                     "area_error": round(of_area / metre**2, 2),
+                    "hidden_area": round(beside / metre**2, 2),
                     "perimeter": round(polygon.length / metre, 2),
                     "open_length": round(float(length[is_open].sum()) / metre, 2),
                     "islands": len(part) - 1,
@@ -186,9 +192,21 @@ def draw(
         made = shore(above, cells, index, water[k].body.cells, of_body, level, part)
         parts = _parts(made, least_area, least_island)
         smooth = _smoothed(made, parts, length)
-        found.append(Outline(done + 1, water[k], smooth, parts, cells))
+        found.append(Outline(done + 1, water[k], smooth, parts, cells, [0.0] * len(parts)))
     ctx.progress(1.0)
-    return _apart(found, least_area)
+    return [_beside_hidden(one, of_body) for one in _apart(found, least_area)]
+
+
+def _beside_hidden(outline: Outline, of_body: NDArray[np.int32]) -> Outline:
+    """An outline with the areas beside its parts that crowns hide."""
+    water, parts = outline.water, shapely.force_2d(np.array(outline.polygons))
+    squares = hidden(outline.cells, water.body.cells, of_body, water.level)
+    area = np.zeros(len(parts))
+    if len(squares):
+        left = shapely.get_parts(shapely.union_all(squares).difference(shapely.union_all(parts)))
+        left = left[~shapely.is_empty(left)]
+        np.add.at(area, shapely.STRtree(parts).nearest(left), shapely.area(left))
+    return replace(outline, hidden=area.tolist())
 
 
 def detail_of(cells: CellGrid) -> float:
@@ -226,7 +244,7 @@ def _redrawn(outline: Outline, shapes: Sequence[shapely.Polygon]) -> Outline:
         rings += corners
     near = [old.query(ring)[1] for ring in rings]
     shore = Shore(rings, [sigma[k] for k in near], [is_open[k] for k in near])
-    return replace(outline, shore=shore, parts=parts)
+    return replace(outline, shore=shore, parts=parts, hidden=[0.0] * len(parts))
 
 
 def _band(

@@ -198,13 +198,19 @@ class ShorelineExtract:
 
         def not_looked_at(self) -> Iterator[str]:
             """Shores that crowns and bridges hide, and parts of outlines that are no shore."""
+            lengths = unit_of_lengths(self.water.crs)
+            if hidden := float(self.water.frame["hidden_area"].sum()) if self.count else 0.0:
+                yield (
+                    f"Shores below crowns: {hidden:.0f} m²{own_unit(hidden, lengths, 2)} beside "
+                    "the outlines were not seen there; they are not in the areas, whose errors "
+                    "hold that they may be water"
+                )
             if self.count:
                 yield (
-                    "Shores below crowns and bridges: where nothing came back from below, outlines "
-                    "of water end at the crowns and bridges, up to some metres short of the true "
-                    "shore; the intervals of areas do not hold that"
+                    "Shores below bridges, decks and wide woods: outlines of water end there, up "
+                    "to some metres short of the true shore; the intervals of areas do not hold "
+                    "that"
                 )
-            lengths = unit_of_lengths(self.water.crs)
             if text := open_edges(self.water.frame.to_dict("records"), lengths):
                 yield text
 

@@ -185,7 +185,13 @@ def test_numbers_are_made_a_sentence_where_a_tool_says_none() -> None:
 
 def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     outputs = catalog.load("shoreline.extract").make.Outputs
-    row = {"body": 1, "open_length": 40.0, "perimeter": 100.0, "area_error": 10.0}
+    row = {
+        "body": 1,
+        "open_length": 40.0,
+        "perimeter": 100.0,
+        "area_error": 10.0,
+        "hidden_area": 0.0,
+    }
     row |= {"level": 3.5, "level_interval": 0.02, "slope": 0.0, "geometry": shapely.Point(0, 0)}
     water = Vector(geopandas.GeoDataFrame([row], geometry="geometry", crs=CRS))
     numbers = {"level": 3.5, "level_error": 0.01, "level_interval": 0.02, "area": 900.0, "count": 1}

@@ -189,10 +189,10 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
         "body": 1,
         "open_length": 40.0,
         "perimeter": 100.0,
-        "area_error": 10.0,
         "hidden_area": 0.0,
     }
-    row |= {"level": 3.5, "level_interval": 0.02, "slope": 0.0, "geometry": shapely.Point(0, 0)}
+    row |= {"area_error": 10.0, "level": 3.5, "level_interval": 0.02, "slope": 0.0}
+    row |= {"geometry": shapely.Point(0, 0)}
     water = Vector(geopandas.GeoDataFrame([row], geometry="geometry", crs=CRS))
     numbers = {"level": 3.5, "level_error": 0.01, "level_interval": 0.02, "area": 900.0, "count": 1}
     layers = dict.fromkeys(
@@ -208,7 +208,7 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     exact = outputs(**{**layers, "water": water}, detail=1.0, **numbers)
     assert "3.500 m, ± 0.001 m within" in exact.in_words(), "not 0.000"
     hidden, unseen = made.not_looked_at()
-    assert "below crowns and bridges" in hidden
+    assert "below bridges, decks and wide woods" in hidden
     assert "40 m of 100 m of its outline is the edge of the data" in unseen
 
 

@@ -147,6 +147,11 @@ class CellGrid:
         """Area of a cell."""
         return self.lattice.cell**2
 
+    def centres(self, some: Ints) -> NDArray[np.float64]:
+        """Positions of cells by their indices, shape (n, 2)."""
+        xs, ys = self.lattice.centres()
+        return np.column_stack([xs[some % self.lattice.cols], ys[some // self.lattice.cols]])
+
     @cached_property
     def whole(self) -> Mask:
         """True for cells that the edge of the data does not cut."""

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from algorithms.shoreline._bodies import WALL, CellGrid, around, connected
+from algorithms.shoreline._bodies import WALL, CellGrid, around, window
 from algorithms.shoreline._level import Level
 
 Floats = NDArray[np.float64]
@@ -42,12 +43,12 @@ def hidden(cells: CellGrid, body: Ints, of_body: NDArray[Any], level: Level) -> 
     reach = REACH * cells.metre
     band = around(cells.lattice, body, math.ceil(reach / cells.lattice.cell))
     band = band[(of_body[band] == 0) & cells.inside.ravel()[band]]
+    spots, beside = cells.centres(band), around(cells.lattice, body, 1)
     low = cells.low.ravel()[band] + cells.base
-    high = low > level.at(_spots(cells, band)) + ABOVE * cells.metre
+    high = low > level.at(spots) + ABOVE * cells.metre
     rough = high & (cells.spread.ravel()[band] > WALL * cells.metre)
     seen = np.isfinite(low)
-    spots, beside = _spots(cells, band), around(cells.lattice, body, 1)
-    away = np.asarray(cKDTree(_spots(cells, beside)).query(spots)[0])
+    away = np.asarray(cKDTree(cells.centres(beside)).query(spots)[0])
     behind = np.full(len(band), np.inf)
     behind[rough] = _behind(spots, away, low, seen & ~rough, rough, reach)
     hung = rough & (low > behind + ABOVE * cells.metre)
@@ -57,11 +58,14 @@ def hidden(cells: CellGrid, body: Ints, of_body: NDArray[Any], level: Level) -> 
     ground = seen & ~hung & ~(rough & np.isinf(behind))
     wide = away + cKDTree(spots[ground]).query(spots)[0]
     maybe = band[(hung | amid) & (wide <= reach)]
-    parts = connected(cells.lattice, maybe, 1)
-    joined = [part for part in parts if np.isin(part, beside).any()]
-    if not joined:
+    if not len(maybe):
         return np.zeros(0, object)
-    x, y = _spots(cells, np.concatenate(joined)).T
+    (top, left), mask = window(cells.lattice, maybe, 0)
+    part = ndimage.label(mask)[0][
+        maybe // cells.lattice.cols - top, maybe % cells.lattice.cols - left
+    ]
+    joined = np.isin(part, part[np.isin(maybe, beside)])
+    x, y = cells.centres(maybe[joined]).T
     half = cells.lattice.cell / 2
     return np.asarray(shapely.box(x - half, y - half, x + half, y + half))
 
@@ -89,9 +93,3 @@ def _behind(
         if len(near):
             height[k] = low[near[np.hypot(*(spots[near] - spots[spot]).T).argmin()]]
     return height
-
-
-def _spots(cells: CellGrid, some: Ints) -> Floats:
-    """Middles of cells, shape (n, 2)."""
-    xs, ys = cells.lattice.centres()
-    return np.column_stack([xs[some % cells.lattice.cols], ys[some // cells.lattice.cols]])

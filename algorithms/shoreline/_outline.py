@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import CellGrid, window
 from algorithms.shoreline._hidden import hidden
+from algorithms.shoreline._level import NINETY_FIVE
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._shore import BAND, INSIDE, Shore, area_of, shore
 from algorithms.shoreline._smooth import smooth_part
@@ -28,7 +29,6 @@ Row = dict[str, Any]
 
 SPACINGS, LEAST_SMOOTHING = 2.0, 1.0  # of points, and m: zigzag that is taken out by itself
 ALIKE = 20.0  # m of a shore along which errors are taken to be alike
-TWO = 1.96  # standard deviations that hold 95 %
 COMMON = 0.5  # of them, which is alike along all of the shore: banks have one form
 
 
@@ -43,7 +43,8 @@ class Outline:
     shore : its rings: of every part first the outer one, then its islands
     parts : for each part the numbers of its rings
     cells : in which it was found
-    hidden : for each part the area beside it that crowns hide, in the unit of the data
+    hidden : for each part the area beside it that crowns hide, in the unit of the data;
+        empty until the parts are final
     """
 
     number: int
@@ -51,7 +52,7 @@ class Outline:
     shore: Shore
     parts: list[list[int]]
     cells: CellGrid
-    hidden: Sequence[float]
+    hidden: Sequence[float] = ()
 
     @property
     def polygons(self) -> list[shapely.Polygon]:
@@ -79,7 +80,7 @@ class Outline:
             error = float(np.sqrt((sigma**2 * at_shore).sum() / total))
             alike = min(1.0, float(np.sqrt(ALIKE * metre / total)))
             # Below crowns all may be water, or nothing: that is no error of which some cancels out.
-            of_area = error * total * float(np.hypot(COMMON, alike)) + beside / TWO
+            of_area = error * total * float(np.hypot(COMMON, alike)) + beside / NINETY_FIVE
             yield (
                 polygon,
                 {
@@ -192,7 +193,7 @@ def draw(
         made = shore(above, cells, index, water[k].body.cells, of_body, level, part)
         parts = _parts(made, least_area, least_island)
         smooth = _smoothed(made, parts, length)
-        found.append(Outline(done + 1, water[k], smooth, parts, cells, [0.0] * len(parts)))
+        found.append(Outline(done + 1, water[k], smooth, parts, cells))
     ctx.progress(1.0)
     return [_beside_hidden(one, of_body) for one in _apart(found, least_area)]
 
@@ -244,7 +245,7 @@ def _redrawn(outline: Outline, shapes: Sequence[shapely.Polygon]) -> Outline:
         rings += corners
     near = [old.query(ring)[1] for ring in rings]
     shore = Shore(rings, [sigma[k] for k in near], [is_open[k] for k in near])
-    return replace(outline, shore=shore, parts=parts, hidden=[0.0] * len(parts))
+    return replace(outline, shore=shore, parts=parts)
 
 
 def _band(

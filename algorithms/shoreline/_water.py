@@ -560,7 +560,7 @@ def _tells_level(cells: CellGrid, body: Body) -> bool:
 def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float) -> Water:
     """A body with its level, or with the plane of a river."""
     lattice, metre = cells.lattice, cells.metre
-    centre = _centres(cells, body.cells).mean(axis=0)
+    centre = cells.centres(body.cells).mean(axis=0)
     flat = xyz.copy()
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
     core = open_water(cells, body)
@@ -621,14 +621,8 @@ def place_of(cells: CellGrid, water: Water) -> tuple[float, float]:
 
 def _centre(cells: CellGrid, some: Ints) -> tuple[float, float]:
     middle = len(some) // 2
-    ((x, y),) = _centres(cells, some[middle : middle + 1])
+    ((x, y),) = cells.centres(some[middle : middle + 1])
     return float(x), float(y)
-
-
-def _centres(cells: CellGrid, some: Ints) -> Floats:
-    """Positions of cells, shape (n, 2)."""
-    xs, ys = cells.lattice.centres()
-    return np.column_stack([xs[some % cells.lattice.cols], ys[some // cells.lattice.cols]])
 
 
 def name_of(cells: CellGrid, water: Water) -> str:
@@ -792,7 +786,7 @@ def _shoreless(cells: CellGrid, water: Water) -> Ints:
     ground = ndimage.minimum_filter(cells.low[here], 2 * REACH + 1)[tuple(near)]
     r, c = np.nonzero(wet & empty)
     some = (r + top) * cells.lattice.cols + c + left
-    rise = ground[r, c] + cells.base - water.level.at(_centres(cells, some))
+    rise = ground[r, c] + cells.base - water.level.at(cells.centres(some))
     return np.asarray(some[rise > WALL * cells.metre])
 
 
@@ -810,7 +804,7 @@ def _off_banks(cells: CellGrid, water: Water) -> float:
     some = water.body.cells
     if water.level.basis != "shore" or not is_long(cells, some):
         return 0.0
-    laid = water.level.at(_centres(cells, some)) - cells.base
+    laid = water.level.at(cells.centres(some)) - cells.base
     off = float(np.percentile(abs(along_banks(cells, some) - laid), OFF))
     return off if off > FALL * cells.metre else 0.0
 

@@ -207,9 +207,9 @@ class ShorelineExtract:
                 )
             if self.count:
                 yield (
-                    "Shores below bridges, decks and wide woods: outlines of water end there, up "
-                    "to some metres short of the true shore; the intervals of areas do not hold "
-                    "that"
+                    "Shores below bridges, decks and wide woods, and behind jetties and moored "
+                    "boats: outlines of water end there, up to some metres short of the true "
+                    "shore; the intervals of areas do not hold that"
                 )
             if text := open_edges(self.water.frame.to_dict("records"), lengths):
                 yield text

@@ -132,7 +132,7 @@ def test_pages_ask_for_nothing_and_report_no_error(
 
 def test_tables_sort_and_unfold(pages: dict[str, Path], driver: Any) -> None:
     with Opened(driver, pages["areas"]) as opened:
-        table = opened.page.locator("section#polygons table")
+        table = opened.page.locator("section#polygons .table:not(.on-paper) table")
         rows = table.locator("tbody tr")
         assert rows.count() == 28
         assert table.locator("tbody tr:visible").count() == 10

@@ -208,7 +208,7 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     exact = outputs(**{**layers, "water": water}, detail=1.0, **numbers)
     assert "3.500 m, ± 0.001 m within" in exact.in_words(), "not 0.000"
     hidden, unseen = made.not_looked_at()
-    assert "below bridges, decks and wide woods" in hidden
+    assert "below bridges, decks and wide woods, and behind jetties and moored boats" in hidden
     assert "40 m of 100 m of its outline is the edge of the data" in unseen
 
 

@@ -256,11 +256,10 @@ class Rows:
         half = -(-len(others) // 2)
         return [[naming, *others[:half]], [naming, *others[half:]]]
 
-    def is_across(self, *, paper: bool) -> bool:
-        """Whether it is printed on a page across; a browser prints all columns in one table."""
-        if not paper or not self.is_wide:
-            return self.is_wide
-        return not self.is_turned and not self._whole.fits(_UPRIGHT)
+    @property
+    def is_across(self) -> bool:
+        """Whether it is printed on a page across."""
+        return self.is_wide and not self.is_turned and not self._whole.fits(_UPRIGHT)
 
 
 class Line(NamedTuple):
@@ -301,7 +300,7 @@ class Piece:
     @property
     def font_size(self) -> float:
         """Size of the print of a wide table in points: as large as its texts allow."""
-        line = _ACROSS if self.of.is_across(paper=True) else _UPRIGHT
+        line = _ACROSS if self.of.is_across else _UPRIGHT
         return min(line / (_LETTER * sum(self.needed)), _LARGEST)
 
     def fits(self, line: float) -> bool:
@@ -372,7 +371,7 @@ class Section:
     def is_across(self, *, paper: bool) -> bool:
         """Whether it begins with a table that is printed on a page across."""
         first = next(iter(self.blocks_on(paper=paper)), None)
-        return isinstance(first, Rows) and first.is_across(paper=paper)
+        return isinstance(first, Rows) and first.is_across
 
 
 def in_order_of_paper(sections: Sequence[Section]) -> list[Section]:
@@ -398,7 +397,7 @@ def _place(section: Section) -> int:
         return 0
     if section.folded:  # how all was made
         return 4
-    if any(table.is_across(paper=True) for table in tables):
+    if any(table.is_across for table in tables):
         return 2
     return 1 if all(table.is_short for table in tables) else 3
 

@@ -28,7 +28,7 @@
     for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
     head.setAttribute("aria-sort", up ? "ascending" : "descending");
   };
-  for (const table of document.querySelectorAll("main table")) {
+  for (const table of document.querySelectorAll("main .table:not(.on-paper) table")) {
     if (!table.tHead || table.tBodies[0].rows.length < 2) continue;
     [...table.tHead.rows[0].cells].forEach((head, column) => {
       const button = make("button", { type: "button", title: word("Sort by this column") });

@@ -721,6 +721,8 @@ def _holes(cells: CellGrid, least: int) -> Iterator[Hole]:
             continue
         level = lowest_mode(heights, STEP * cells.metre)
         higher = edge[heights >= level - STEP * cells.metre]
+        if _is_above(heights, level, cells.metre):
+            level = float(np.quantile(heights, RUN_OFF))
         yield Hole(hole, edge, heights, level, _tilt_of(cells, higher) if may_flow else LEVEL)
 
 
@@ -737,7 +739,18 @@ def _pools(cells: CellGrid, holes: Sequence[Hole], least: int) -> Iterator[Pool]
         elif len(hole.cells) >= START * RIVER * least:
             r, c = hole.edge // cells.lattice.cols, hole.edge % cells.lattice.cols
             rest = hole.heights - hole.tilt.at(r, c)
-            yield hole.cells, lowest_mode(rest, STEP * cells.metre), hole.tilt
+            level = lowest_mode(rest, STEP * cells.metre)
+            if not _is_above(rest, level, cells.metre):
+                yield hole.cells, level, hole.tilt
+
+
+def _is_above(heights: Floats, level: float, metre: float) -> bool:
+    """Whether more at the edge of a hole is clearly below a level than errors are.
+
+    Walls are seen here and there, at any height down to the water, so no height is frequent but
+    that of their tops; and water is no higher than the lowest of what is beside it.
+    """
+    return bool((heights < level - DROP * metre).mean() > RUN_OFF)
 
 
 def _tilt_of(cells: CellGrid, edge: Ints) -> Tilt:

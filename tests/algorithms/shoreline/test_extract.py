@@ -587,6 +587,17 @@ def test_holes_that_are_no_water_are_told_beside_water(
     assert ("500086.8,4600083.1, refused because water would run off" in caplog.text) is told
 
 
+@pytest.mark.parametrize("seed", [691, 720])
+def test_basins_are_no_higher_than_what_is_seen_of_the_walls_around_them(seed: int) -> None:
+    """All that is frequent beside them is land: one was 1.26 m too high, +- 0.009 m, three lost."""
+    made = waters.survey("lock", seed)
+    found, water = scored(made)
+    assert min(found) > 0.95
+    levels = water.sort_values("level", ascending=False)
+    for known, (_, basin) in zip(made.waters, levels.iterrows(), strict=True):
+        assert abs(basin.level - known.level) <= basin.level_interval
+
+
 def test_a_hole_outside_of_all_points_holds_no_water_and_does_not_stop_the_run() -> None:
     """South of a corridor that bends; water that was poured there stopped the run."""
     made = scene("power_lines", size=300, density=1.5, seed=901)

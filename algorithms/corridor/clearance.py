@@ -401,7 +401,8 @@ class CorridorClearance:
             label="Points of what is listed",
         )
         objects: Vector = sink(
-            "Objects too close, to be watched or near without a rule, each where it is closest",
+            "Objects too close, to be watched or near without a rule, where closest; falling trees "
+            "at their tops",
             show=show.Classes("severity", {word: LOOKS[word] for word in SEVERITIES[:-1]}),
             label="Objects by severity",
             columns=columns.OBJECTS,

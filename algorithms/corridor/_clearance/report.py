@@ -94,7 +94,9 @@ LISTED = (
     "may_be_wire",
 )
 LIST_CAPTION = (
-    "Each object stands where it is closest to a wire. The clearance at other temperatures is that "
+    "Each object stands where it is closest to a wire; a tree that is listed alone for what it "
+    "reaches when it falls (rule falling) stands at its top, counts as one point, and its "
+    "clearance is from there. The clearance at other temperatures is that "
     "in the wind of the survey (see Temperature of the wires). Objects of one clump touch: a wide "
     "group of trees is listed tree by tree. Where Shape of a wire says yes, the points may be a "
     "wire that was not found"

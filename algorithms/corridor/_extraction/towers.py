@@ -253,9 +253,14 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
         )
     body &= above > 2 * SETTINGS.points.off_ground
     mine = near[arms | body]
-    top = float(np.quantile(corridor.air.xyz[mine, 2], 0.995)) if len(mine) else support.high
+    top = top_of(corridor.air.xyz[mine, 2]) if len(mine) else support.high
     highest = max(top, support.high)  # of a pole only the foot may show
     return Tower(support, mine, highest, width, bool(body.any()))
+
+
+def top_of(z: Floats) -> float:
+    """Height that three points of a tower reach, or all of fewer: one or two may be a bird."""
+    return float(np.sort(z)[-3:][0])
 
 
 def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Floats, Floats]:
@@ -356,7 +361,7 @@ def with_overhang(corridor: Corridor, tower: Tower) -> Tower:
     chain = dbscan(xyz, gap, 1)
     hangs = (np.bincount(chain, touches) > 0) & (np.bincount(chain, low) == 0)
     points = np.union1d(tower.points, rest[hangs[chain]])
-    top = float(np.quantile(corridor.air.xyz[points, 2], 0.995))
+    top = top_of(corridor.air.xyz[points, 2])
     return replace(tower, points=points, top=max(top, support.high))
 
 

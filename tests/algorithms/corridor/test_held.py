@@ -35,7 +35,7 @@ from algorithms.corridor._extraction.supports import (
     pole_near,
     supports_of,
 )
-from algorithms.corridor._extraction.towers import compared
+from algorithms.corridor._extraction.towers import compared, top_of
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
 from algorithms.samples.scene import SamplesScene
@@ -471,3 +471,13 @@ def test_frames_are_found_the_same_wherever_cells_begin() -> None:
         assert len(feet) == len(true)
         assert away.min(axis=1).max() < 0.5
         assert result.span_count == len(true)  # the data end behind the first and at the last
+
+
+@pytest.mark.parametrize("birds", [0, 2])
+def test_the_top_of_a_dense_tower_is_that_of_its_peak(birds: int) -> None:
+    """A peak of the earth wire holds few of thousands of points; two birds sit above it."""
+    body, peak = np.linspace(2.0, 44.0, 4000), np.linspace(44.0, 45.4, 8)
+    top = top_of(np.concatenate([body, peak, np.full(birds, 48.0)]))
+    assert top == pytest.approx(45.4, abs=0.45)
+    assert top < 45.5
+    assert top_of(np.array([7.0, 5.0])) == 5.0

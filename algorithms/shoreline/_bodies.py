@@ -66,6 +66,7 @@ DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1
 LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
 SIGMAS = 1.683  # standard deviations of a normal distribution between its 20 % and its 80 %
 BENT = 0.02  # m between places of a dark surface that is none of water: strips fit to so much
+STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
 PAVED = 0.005  # slope: half of what drains paved ground at least; calm rivers fall by less
 PIECES = 4  # of a river, along it, of which each has a shape across
 FOR_SHAPE = 20  # cells that tell that shape
@@ -192,6 +193,10 @@ class Tilt(NamedTuple):
     def at(self, row: Any, col: Any) -> Floats:
         """Heights of the plane at rows and columns."""
         return np.asarray(self.south * (row - self.row) + self.east * (col - self.col))
+
+    def steep(self, cell: float) -> bool:
+        """Whether no river falls so that its surface is a plane, in cells of a size."""
+        return math.hypot(self.south, self.east) > STEEPEST * cell
 
 
 LEVEL = Tilt()
@@ -378,13 +383,17 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
 def _places(cells: CellGrid, holes: Sequence[Hole], least: int) -> list[Pool]:
     """Holes, then level places that are calm or of a class of water, the largest of each first.
 
-    Holes come first: a few cells at the lower end of a river would fill it to their level.
+    Holes come first: a few cells at the lower end of a river would fill it to their level. Those on
+    hillsides come last, as they are no water that others may be part of.
     """
     classed = 2 * cells.water > np.maximum(cells.count, 1)
     level = [
         place for where in (cells.calm(), classed) for place in _level_places(cells, where, least)
     ]
-    return sorted(_pools(cells, holes, least), key=_by_size) + sorted(level, key=_by_size)
+    pools = sorted(_pools(cells, holes, least), key=_by_size)
+    steep = [pool for pool in pools if pool[2].steep(cells.lattice.cell)]
+    others = [pool for pool in pools if not pool[2].steep(cells.lattice.cell)]
+    return others + sorted(level, key=_by_size) + steep
 
 
 def _by_size(place: Pool) -> tuple[int, int]:

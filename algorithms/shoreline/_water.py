@@ -21,6 +21,7 @@ from algorithms.shoreline._bodies import (
     LEVEL,
     REACH,
     RIVER,
+    STEEPEST,
     VERY_DARK,
     WALL,
     WEIR,
@@ -70,7 +71,6 @@ KNOWN = 0.02  # m, interval of a level that others can be told to be equal to
 OVERLAP = 0.2  # share of a level place that is water found: its rest is not told of
 BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
 ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
-STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
 SURROUNDED = 0.25  # share of the rim of a water without a shore that has points
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
 APART = BESIDE + NARROW  # cells: no water that could be told lies between two so close
@@ -128,13 +128,16 @@ def find_water(
     pour = Pour(cells, least_area)
     bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
     found: list[Water] = []
+    steep: list[Water] = []  # would run into lakes below them
     for k in range(MOST_ROUNDS):  # waves and slopes are known after a first look
         ctx.progress(0.7 + 0.3 * k / MOST_ROUNDS)
-        found = _filled(cells, pour, with_levels(points, cells, bodies))
+        found = with_levels(points, cells, bodies)
+        steep += [water for water in found if _is_steep(cells, water)]
+        found = _filled(cells, pour, [water for water in found if not _is_steep(cells, water)])
         bodies = joined(cells, [water.body for water in found])
         if k + 1 >= ROUNDS and len(bodies) == len(found):
             break
-    found = _without_gaps(cells, found)  # of whose pieces some would be level
+    found = _without_gaps(cells, found, steep)  # of whose pieces some would be level
     found = [part for water in found for part in _parted(points, cells, pour.fewest, water)]
     found = [
         reach
@@ -191,31 +194,36 @@ def _is_wet(cells: CellGrid, whole: Water, reach: Water) -> bool:
     return looks_like_water(cells, reach.body.cells, shore_of(cells, whole.body.cells))
 
 
-def _without_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
-    """Waters but for gaps of the data on land, which are told of."""
-    kept = [water for water in found if not _is_gap(cells, water)]
-    if len(kept) < len(found):
+def _without_gaps(cells: CellGrid, found: Sequence[Water], steep: Sequence[Water]) -> list[Water]:
+    """Waters but for gaps of the data on land, which are told of with those known as steep."""
+    if gaps := [*steep, *(water for water in found if _is_gap(cells, water))]:
         log.warning(
             "points: gaps of the data that are left out: %d; they fall by more than %.0f %%, as "
-            "hillsides do, or end on land, or lie between its pieces without a shore at one level",
-            len(found) - len(kept),
+            "hillsides do, or end on land, or lie between its pieces without a shore at one level: "
+            "%s",
+            len(gaps),
             100 * STEEPEST,
+            some_of([_spot(cells, one.body.cells) for one in gaps]),
         )
-    return kept
+    return [water for water in found if not _is_gap(cells, water)]
 
 
-def _is_gap(cells: CellGrid, water: Water) -> bool:
-    """Whether a place is steeper than smooth water, ends on land, or has no shores nor data around.
+def _is_steep(cells: CellGrid, water: Water) -> bool:
+    """Whether a place falls by more than smooth water does: a gap of the data on a hillside.
 
     Steeper streams fall in steps and cascades (Montgomery and Buffington, 1997, Channel-reach
     morphology in mountain drainage basins).
     """
+    return "class" not in water.body.evidence and _tilt(cells, water).steep(cells.lattice.cell)
+
+
+def _is_gap(cells: CellGrid, water: Water) -> bool:
+    """Whether a place is steep, ends on land, or has no shores nor data around."""
     if "class" in water.body.evidence:
         return False
-    tilt = _tilt(cells, water)
-    if math.hypot(tilt.south, tilt.east) > STEEPEST * cells.lattice.cell:
+    if _is_steep(cells, water):
         return True
-    if water.fall and water.body.few and _ends_on_land(cells, water.body, tilt):
+    if water.fall and water.body.few and _ends_on_land(cells, water.body, _tilt(cells, water)):
         return True
     beside = cells.count.ravel()[around(cells.lattice, water.body.cells, 1)] > 0
     return bool(_hidden(cells, water) > 0 and beside.mean() < SURROUNDED)
@@ -405,6 +413,12 @@ def _place(cells: CellGrid, some: Ints, level: float) -> str:
     x, y = _centre(cells, some)
     area = _area_of(cells, some)
     return f"about {area:.0f} m2 at {x:.1f},{y:.1f}, level {in_unit(cells, level, 2)}"
+
+
+def _spot(cells: CellGrid, some: Ints) -> str:
+    """Text on size and place of some cells."""
+    x, y = _centre(cells, some)
+    return f"about {_area_of(cells, some):.0f} m2 at {x:.1f},{y:.1f}"
 
 
 def some_of(texts: Sequence[str]) -> str:

@@ -587,6 +587,25 @@ def test_holes_that_are_no_water_are_told_beside_water(
     assert ("500086.8,4600083.1, refused because water would run off" in caplog.text) is told
 
 
+@pytest.mark.parametrize("near", [2.0, 7.0])
+def test_a_gap_on_the_bank_of_a_lake_does_not_take_it_away(
+    near: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A gap of 16 x 36 m was a river that fell by 20 %, ran into the lake, and was left out."""
+    points = lake(centre=(35.0, 35.0))
+    x, y = (points.xyz - ORIGIN)[:, :2].T
+    gap = (x > 65 + near) & (x < 81 + near) & (abs(y - 35) < 18)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        whole, found = (only(extract(some, bodies="all")) for some in (points, points.select(~gap)))
+    assert iou(whole.geometry, found.geometry) > 0.998
+    assert found.level == pytest.approx(whole.level, abs=0.002)
+    told = re.findall(r"left out: 1; .*: about ([0-9]+) m2 at ([0-9.]+),([0-9.]+)", caplog.text)
+    area, east, north = (float(v) for v in told[0])
+    assert 500 < area < 800  # with the edge of the ground below
+    assert abs(east - ORIGIN[0] - 73 - near) < 8
+    assert abs(north - ORIGIN[1] - 35) < 18
+
+
 @pytest.mark.parametrize("seed", [691, 720])
 def test_basins_are_no_higher_than_what_is_seen_of_the_walls_around_them(seed: int) -> None:
     """All that is frequent beside them is land: one was 1.26 m too high, +- 0.009 m, three lost."""

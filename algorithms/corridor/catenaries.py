@@ -25,6 +25,7 @@ from algorithms.corridor._extraction.errors import with_common_errors
 from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
+from algorithms.corridor._extraction.swung import warn_of_swung
 from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
@@ -110,14 +111,16 @@ class CorridorCatenaries:
             widths[0],
             lambda x, y: lowest - GROUND_BELOW,
             lambda x, y: False,
+            strip=strips_of(cloud, index[air.order]),
         )
         found, _ = follow(corridor, voxel, self.wire_gap / metre, widths, ctx)
         if not found:
             log.warning("no wire was found among %d points", np.count_nonzero(use))
         ctx.progress(1.0)
-        found = with_common_errors(corridor, found, strips_of(cloud, index[air.order]))
+        found = with_common_errors(corridor, found)
         layer = wire_layer(with_gaps(corridor, found), origin, metre, cloud.crs)
         warn_of_missed(layer)
+        warn_of_swung(found)
         return self.Outputs(
             wires=layer,
             spans=Table(layer.frame.drop(columns="geometry")),

@@ -48,6 +48,7 @@ from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, nearest_wires
 from algorithms.corridor._extraction.strays import strays_of
 from algorithms.corridor._extraction.supports import Support
+from algorithms.corridor._extraction.swung import warn_of_swung
 from algorithms.corridor._extraction.towers import Tower, dressed
 from algorithms.corridor._settings import SETTINGS
 from algorithms.shared import parameters
@@ -77,8 +78,9 @@ class CorridorExtract:
     Conductors become class 14, towers and poles with their insulators class 15; points that had a
     class of a line (13 to 16) and are not found become 1, all others keep their class. The
     attributes wire_id, span_id and tower_id say to which they belong, 0 for none; a wire keeps its
-    number from span to span. Nothing but coordinates is needed, and lines of any voltage are found
-    together: the ground is found first, or taken from the classes given. Of points that have
+    number from span to span. A conductor that wind swung between two flights has one number and two
+    curves, one for each position. Nothing but coordinates is needed, and lines of any voltage are
+    found together: the ground is found first, or taken from the classes given. Of points that have
     HeightAboveGround that is the height, unless classes are given.
 
     `wires` has one catenary per conductor and span, as a line in three dimensions and, under "A
@@ -141,6 +143,7 @@ class CorridorExtract:
             points.warn_of_no_line()
         wires = wire_layer(line.wires, points.origin, cloud.metre, cloud.crs)
         warn_of_missed(wires)
+        warn_of_swung(line.wires)
         warn_of_left_out([*corridor.left_out, *corridor.tied], points.origin, cloud.metre)
         towers = tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs)
         warn_of_unseen_supports(towers)
@@ -199,7 +202,17 @@ def followed(
     ground = elevation(points.xyz, points.height)
     floor = Airborne.of(points.xyz[points.height <= SETTINGS.points.off_ground])
     widths = tolerances or SETTINGS.lines.tolerances
-    corridor = Corridor(air, height, may, widths[0], ground, points.seen, floor, points.density)
+    corridor = Corridor(
+        air,
+        height,
+        may,
+        widths[0],
+        ground,
+        points.seen,
+        floor,
+        points.density,
+        strip=points.strip,
+    )
     return corridor, *follow(corridor, voxel[alone], max_gap, widths, ctx.part(0.1, 0.9))
 
 
@@ -212,7 +225,7 @@ def finished(
         return line
     wires, towers, strings = dressed(corridor, wires, supports)
     wires = with_drops(corridor, wires, supports)
-    wires = with_common_errors(corridor, wires, points.strip)
+    wires = with_common_errors(corridor, wires)
     line = replace(line, wires=with_gaps(corridor, wires), towers=towers, strings=strings)
     label_points(line, corridor, points.own)
     return line

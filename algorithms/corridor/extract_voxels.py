@@ -272,7 +272,13 @@ class CorridorExtractVoxels:
         """Catenaries among the points of wires, with the points off the ground on each."""
         widths, height = tolerances(self.wire_tolerance, metre), points.height[points.own]
         corridor = Corridor(
-            points.air, height, wire, widths[0], lambda x, y: 0.0, lambda x, y: False
+            points.air,
+            height,
+            wire,
+            widths[0],
+            lambda x, y: 0.0,
+            lambda x, y: False,
+            strip=points.strip,
         )
         _, voxel = uncrowded(corridor.wires, 1.0)
         wires, _ = follow(corridor, voxel, self.wire_gap / metre, widths, ctx)

@@ -111,7 +111,8 @@ SPAN_CAPTION = (
     "For each span and state of the wires: the least distances in space to what is near the wires "
     "in plan. Clearance is that to the nearest object; at other temperatures, see Temperature of "
     "the wires. The swing is empty where the wires sag too little to tell. A bundle counts as one "
-    "conductor. Wire-like points have the shape of a wire, and are none"
+    "conductor, and so do two positions of one that wind swung between flights. Wire-like points "
+    "have the shape of a wire, and are none"
 )
 KIND_CAPTION = (
     "For each kind of object: its least distance in space from a wire, of what is near the wires "

@@ -67,6 +67,7 @@ class Corridor:
     free : which points above the ground lie on no wire that was found
     refused : which of the points that may be wire lie on or at what surely is none
     proven : which points above the ground are of arcs that are no accident, few as they may be
+    strip : of each point above the ground, by point_source_id; all 0 where it is not known
     arms : array of shape (k, 2, 2), both ends in plan of the arms of supports that are known
     """
 
@@ -80,6 +81,7 @@ class Corridor:
     density: float = math.inf
     tied: list[Catenary] = field(default_factory=list)
     left_out: list[Catenary] = field(default_factory=list)
+    strip: NDArray[np.uint16] = field(default_factory=lambda: np.zeros(0, np.uint16))
     arms: Floats = field(default_factory=lambda: np.zeros((0, 2, 2)))
     wires: Airborne = field(init=False)
     free: NDArray[np.bool_] = field(init=False)
@@ -88,6 +90,8 @@ class Corridor:
 
     def __post_init__(self) -> None:
         self.wires = self.air.select(self.may)
+        if not len(self.strip):
+            self.strip = np.zeros(len(self.air.xyz), np.uint16)
         self.free = np.ones(len(self.air.xyz), bool)
         self.refused = np.zeros(len(self.wires.xyz), bool)
         self.proven = np.zeros(len(self.air.xyz), bool)

@@ -20,6 +20,7 @@ from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import (
     Wire,
     apart_wires,
+    end_at,
     numbered,
     to_supports,
     usual_curvature,
@@ -74,11 +75,6 @@ def carried_on(
                     found.append(wire)
                     fresh = True
     return found
-
-
-def end_at(wire: Wire, number: int) -> Floats:
-    """Position where a wire is attached to a support."""
-    return np.asarray(wire.curve.ends[wire.supports.index(number)])
 
 
 def missing(wires: Sequence[Wire], span: int, same: float) -> Iterator[tuple[int, Floats]]:

@@ -58,17 +58,14 @@ class Residuals:
         return place[full, 0].astype(np.int64), mean[full], square / count[full]
 
 
-def with_common_errors(
-    corridor: Corridor, wires: Sequence[Wire], strip: NDArray[np.integer]
-) -> list[Wire]:
+def with_common_errors(corridor: Corridor, wires: Sequence[Wire]) -> list[Wire]:
     """The wires, whose covariances hold the errors that points near each other have in common.
 
     Parameters
     ----------
     corridor : in whose air the points on wires are taken
-    strip : of each point in the air, a number; the same for all where it is not known
     """
-    residuals = [residuals_of(corridor, wire, strip) for wire in wires]
+    residuals = [residuals_of(corridor, wire) for wire in wires]
     common = between_strips(residuals) + along_strips(residuals)
     # From a few independent pieces a variance is not well known: as wide as Student's law.
     student = float(stdtrit(pieces_of(wires), NORMAL_LEVEL) / ndtri(NORMAL_LEVEL))
@@ -84,11 +81,11 @@ def pieces_of(wires: Sequence[Wire]) -> float:
     return max(sum(length.values()) / SETTINGS.errors.common_length, SETTINGS.errors.fewest_pieces)
 
 
-def residuals_of(corridor: Corridor, wire: Wire, strip: NDArray[np.integer]) -> Residuals:
+def residuals_of(corridor: Corridor, wire: Wire) -> Residuals:
     """The points on a wire."""
     near, _, _ = on_wire(corridor, wire)
     u, _, z = wire.curve.residuals(corridor.air.xyz[near])
-    return Residuals(u, z, strip[near].astype(np.int64))
+    return Residuals(u, z, corridor.strip[near].astype(np.int64))
 
 
 def between_strips(residuals: Sequence[Residuals]) -> float:

@@ -52,6 +52,7 @@ from algorithms.corridor._extraction.supports import (
     may_hold,
     supports_of,
 )
+from algorithms.corridor._extraction.swung import seen_twice
 from algorithms.corridor._extraction.towers import all_centred, compared
 from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
@@ -504,7 +505,8 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
     wires, supports = shared(wires, all_centred(corridor, wires, supports))
     wires = [wire for wire in wires if not is_arm(wire, supports)]
     wires, supports = along_the_line(wires, supports)
-    return numbered([to_supports(wire, supports) for wire in wires], supports), supports
+    wires = [to_supports(wire, supports) for wire in wires]
+    return numbered(wires, supports, seen_twice(corridor, wires)), supports
 
 
 def along_the_line(

@@ -203,8 +203,8 @@ def swing_sigmas(layer: Vector) -> Floats:
 
     A swing bows a wire in plan, so that its tangent is 2 c times the second coefficient of a
     parabola. The formula is that of such a coefficient for points that stand evenly on what was
-    seen of the wire, times how far the wires of the span disagree. NaN where the swing is not
-    known.
+    seen of the wire, times how far the wires of the span disagree that were seen in one wind. NaN
+    where the swing is not known.
     """
     frame = layer.frame
     noise = frame["rms"] / math.sqrt(2.0)  # of the two directions square to the wire, one
@@ -213,9 +213,25 @@ def swing_sigmas(layer: Vector) -> Floats:
     swing = frame["swing"].to_numpy(float)
     tangent = np.tan(np.radians(swing))
     alone: Floats = np.asarray(np.degrees(2 * bow / frame["curvature"] / (1 + tangent**2)), float)
-    spans = frame["span_id"].to_numpy()
-    factors = {s: disagreement_of(swing[spans == s], alone[spans == s]) for s in np.unique(spans)}
-    return np.asarray(alone * np.array([factors[span] for span in spans], float), float)
+    winds = winds_of(layer)
+    factors = {k: disagreement_of(swing[winds == k], alone[winds == k]) for k in np.unique(winds)}
+    return np.asarray(alone * np.array([factors[wind] for wind in winds], float), float)
+
+
+def winds_of(layer: Vector) -> NDArray[np.int64]:
+    """A number for the span and the wind in which each wire was seen, array of shape (m,).
+
+    Where conductors of a span were seen in two positions there were two winds, and between the
+    swings of one and of the other is the widest gap.
+    """
+    frame = layer.frame
+    swing, later = frame["swing"].to_numpy(float), np.zeros(len(frame), bool)
+    for _, own in frame.reset_index(drop=True).groupby("span_id"):
+        known = np.sort(own["swing"].dropna())
+        if own["wire_id"].duplicated().any() and len(known) > 1:
+            widest = int(np.diff(known).argmax())
+            later[own.index] = swing[own.index] > known[widest]
+    return np.asarray(2 * frame["span_id"].to_numpy(np.int64) + later, np.int64)
 
 
 def disagreement_of(values: Floats, sigmas: Floats) -> float:

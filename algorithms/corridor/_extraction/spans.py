@@ -127,8 +127,21 @@ def spans_of(
 
 
 def conductors_of(corridor: Corridor, wires: Sequence[Wire]) -> list[tuple[Wire, int]]:
-    """The conductors of a span, and of which of its wires each is a subconductor."""
-    return once([(one, k) for k, wire in enumerate(wires) for one in subconductors(corridor, wire)])
+    """The conductors of a span, and numbers that are the same for those of one bundle.
+
+    Where two wires were followed as one, they are parted as subconductors are, and may be too far
+    from each other to be some.
+    """
+    parted = [(one, k) for k, wire in enumerate(wires) for one in subconductors(corridor, wire)]
+    found = once(parted)
+    if not found:
+        return []
+    link = [
+        [k == n and apart_wires(a.curve, b.curve) < SETTINGS.network.bundle_width for b, n in found]
+        for a, k in found
+    ]
+    _, bundle = connected_components(coo_array(np.array(link)), directed=False)
+    return [(wire, int(k)) for (wire, _), k in zip(found, bundle, strict=True)]
 
 
 def upheld(
@@ -422,6 +435,11 @@ def roughest(best: Catenary, tolerance: float) -> float:
     )
 
 
+def end_at(wire: Wire, number: int) -> Floats:
+    """Position where a wire is attached to a support."""
+    return np.asarray(wire.curve.ends[wire.supports.index(number)])
+
+
 def apart_wires(one: Catenary, other: Catenary) -> float:
     """Distance of the middle of one curve from another curve."""
     return float(other.away(one.points(np.array([0.5 * one.length])))[0])
@@ -626,13 +644,24 @@ def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> 
 # --- numbers -------------------------------------------------------------------------------
 
 
-def numbered(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
-    """Wires with conductor and bundle numbers that are the same in all spans."""
+def numbered(
+    wires: Sequence[Wire], supports: Sequence[Support], same: Sequence[tuple[int, int]] = ()
+) -> list[Wire]:
+    """Wires with conductor and bundle numbers that are the same in all spans.
+
+    Parameters
+    ----------
+    same : pairs of wires that are one conductor in two positions; only the first goes on in other
+        spans, as what is left over when not all have both would go on as another conductor
+    """
     if not wires:
         return []
     link = np.zeros((len(wires), len(wires)), bool)
+    for a, b in same:
+        link[a, b] = True
+    first = sorted(set(range(len(wires))) - {b for _, b in same})
     for number in range(len(supports)):
-        ends = [(k, e) for k, w in enumerate(wires) for e in (0, 1) if w.supports[e] == number]
+        ends = [(k, e) for k in first for e in (0, 1) if wires[k].supports[e] == number]
         spans = sorted({wires[k].span for k, _ in ends})
         for i, one in enumerate(spans):
             for other in spans[i + 1 :]:

@@ -42,7 +42,13 @@ def found(xyz: Floats, strip: Floats, told: bool) -> tuple[list[Wire], list[Wire
     air = Airborne.of(xyz)
     count = len(xyz)
     corridor = Corridor(
-        air, np.full(count, 20.0), np.ones(count, bool), 0.25, lambda x, y: 0.0, lambda x, y: True
+        air,
+        np.full(count, 20.0),
+        np.ones(count, bool),
+        0.25,
+        lambda x, y: 0.0,
+        lambda x, y: True,
+        strip=(told * strip[air.order]).astype(np.uint16),
     )
     fitted = [fit(xyz[(xyz[:, 0] // 100).clip(0, 19) == k], spread=0.5) for k in range(20)]
     wires = [
@@ -50,8 +56,7 @@ def found(xyz: Floats, strip: Floats, told: bool) -> tuple[list[Wire], list[Wire
         for k, curve in enumerate(fitted)
         if curve
     ]
-    strips = strip[air.order] if told else np.zeros(count, np.int64)
-    return wires, with_common_errors(corridor, wires, strips)
+    return wires, with_common_errors(corridor, wires)
 
 
 def within(wires: list[Wire], truth: Truth) -> float:
@@ -117,5 +122,6 @@ def test_a_wire_without_covariance_stays() -> None:
         0.25,
         lambda x, y: 0.0,
         lambda x, y: True,
+        strip=strip[air.order].astype(np.uint16),
     )
-    assert with_common_errors(corridor, bare, strip[air.order]) == bare
+    assert with_common_errors(corridor, bare) == bare

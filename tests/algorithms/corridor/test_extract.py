@@ -53,7 +53,14 @@ from algorithms.corridor._extraction.missed import (
     warn_of_edges,
     warn_of_missed,
 )
-from algorithms.corridor._extraction.spans import Wire, numbered, on_wire, stands_alone, upheld
+from algorithms.corridor._extraction.spans import (
+    Wire,
+    conductors_of,
+    numbered,
+    on_wire,
+    stands_alone,
+    upheld,
+)
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
 from algorithms.corridor._settings import SETTINGS
@@ -1297,6 +1304,19 @@ def test_twins_that_were_followed_apart_are_a_bundle_where_others_are(
         for curve, k in zip(curves, numbers, strict=True)
     ]
     assert len({one.bundle for one in numbered(wires, [])}) == bundles
+
+
+@pytest.mark.parametrize(("aside", "bundles"), [(0.45, 1), (0.8, 2)])
+def test_wires_that_were_followed_as_one_are_a_bundle_where_they_are_near(
+    aside: float, bundles: int
+) -> None:
+    """On poles with wires 0.7 m apart two were followed as one, and counted as one conductor."""
+    points = [wire((0, y, 10), (50, y, 10), 300, noise=0.02)[1] for y in (0.0, aside)]
+    corridor = replace(in_free_air(Airborne.of(np.vstack(points))), tolerance=0.625)
+    between = wire((0, aside / 2, 10), (50, aside / 2, 10), 300)[0]
+    parts = conductors_of(corridor, [Wire(between, (0, 1), (0.0, 50.0), 0.625)])
+    assert len(parts) == 2
+    assert len({number for _, number in parts}) == bundles
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real data are not there")

@@ -1,0 +1,141 @@
+"""Conductors that wind swung between two flights are one each, seen in two positions."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes.corridors import Floats, cloud, ground, pole, wire
+
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._curves.network import Corridor
+from algorithms.corridor._curves.trace import Airborne
+from algorithms.corridor._extraction.spans import Wire, numbered
+from algorithms.corridor._extraction.supports import Support
+from algorithms.corridor._extraction.swung import seen_twice
+from algorithms.corridor.extract import CorridorExtract
+from toolbox.data import PointCloud
+
+POLES, HEIGHT = (0, 160, 320, 480), 24.0
+OFFSETS = (-4.0, 0.0, 4.0)
+
+
+def swung(points: Floats, degrees: float) -> Floats:
+    """Points of a level wire along x, turned about its chord."""
+    turn, hang = math.radians(degrees), HEIGHT - points[:, 2]
+    aside = np.column_stack([0 * hang, hang * math.sin(turn), hang * (1 - math.cos(turn))])
+    return np.asarray(points + aside)
+
+
+def flown(winds: Sequence[float], offsets: Sequence[float] = OFFSETS) -> PointCloud:
+    """Three spans, flown once in each wind, which swings all wires by an angle in degrees."""
+    parts, strips = [ground(480, 60, 6)], [1]
+    for strip, degrees in enumerate(winds, start=1):
+        for (a, b), y in itertools.product(itertools.pairwise(POLES), offsets):
+            points = wire((a, y, HEIGHT), (b, y, HEIGHT), 400, 1.0, seed=7919 * strip)[1]
+            parts.append(swung(points, degrees))
+            strips.append(strip)
+    parts += [pole(x, 0.0, HEIGHT + 0.5, half=4.5) for x in POLES]
+    strips += [1] * len(POLES)
+    source = np.repeat(strips, [len(part) for part in parts]).astype(np.uint16)
+    return cloud(*parts).with_attributes({"point_source_id": source})
+
+
+def test_a_conductor_seen_in_two_positions_is_one(caplog: pytest.LogCaptureFixture) -> None:
+    """A made line in a wind of 8 and of 23 degrees had twice its conductors, and no warning."""
+    result = CorridorExtract(points=flown((8.0, 23.0))).run()
+    frame = result.wires.frame
+    assert len(frame) == 18  # clearance looks at both positions
+    assert (frame.groupby(["span_id", "wire_id"]).size() == 2).all()
+    assert (frame.conductors == 3).all()
+    assert frame.wire_id.nunique() == frame.bundle_id.nunique() == 3
+    assert set(result.classified["wire_id"]) == {0, 1, 2, 3}
+    assert "span 1, 2, 3: conductors were seen in two positions" in caplog.text
+    assert "up to 2.1 m apart" in caplog.text  # 2 x 8 m x sin(7.5 degrees)
+    assert (frame.sd_swing < 0.6).all()  # each wind swings the wires by one angle
+
+
+def test_the_conductors_of_a_bundle_stay_two_in_any_wind(caplog: pytest.LogCaptureFixture) -> None:
+    """Each strip has points on both, whose ends are as far apart as their middles."""
+    twins = [y + shift for y in OFFSETS for shift in (0.0, 0.4)]
+    frame = CorridorExtract(points=flown((8.0, 8.0), twins)).run().wires.frame
+    assert (frame.groupby("span_id").wire_id.nunique() == 6).all()
+    assert (frame.conductors == 3).all()
+    assert "two positions" not in caplog.text
+
+
+def hung(
+    degrees: float = 0.0,
+    *,
+    aside: float = 0.0,
+    c: float = 400.0,
+    start: float = 0.0,
+    supports: tuple[int, int] = (0, 1),
+) -> Wire:
+    """A wire of 160 m that hangs 8 m deep in its plane, which wind turned by an angle."""
+    turn = math.radians(degrees)
+    curve = Catenary(
+        start, aside, 1.0, 0.0, 160.0, HEIGHT, HEIGHT, math.cos(turn) / c, swing=math.tan(turn)
+    )
+    return Wire(curve, supports, (0.0, 160.0), 0.25, span=int(start), bundle=0)
+
+
+def surveyed(wires: Sequence[Wire], strips: Sequence[int]) -> Corridor:
+    """A corridor with points on each wire, all of one strip; 0 is not known."""
+    parts = [one.curve.points(np.linspace(0.0, 160.0, 200)) for one in wires]
+    air = Airborne.of(np.vstack(parts))
+    yes, strip = np.ones(len(air.xyz), bool), np.repeat(strips, 200).astype(np.uint16)
+    ground, seen = (lambda x, y: 0.0), (lambda x, y: True)
+    return Corridor(air, air.xyz[:, 2], yes, 0.25, ground, seen, strip=strip[air.order])
+
+
+@pytest.mark.parametrize(
+    ("other", "strips", "one"),
+    [
+        (hung(23.0), (1, 2), True),
+        (hung(23.0), (0, 0), True),  # strips are not known
+        (hung(23.0), (1, 1), False),  # in one strip a conductor has one position
+        (hung(23.0, supports=(0, -1)), (1, 2), True),  # the other end is beyond the data
+        (hung(23.0, aside=0.6), (1, 2), True),  # by its string, which swings with it
+        (hung(23.0, aside=1.5), (1, 2), False),  # the next conductor
+        (hung(8.0, aside=0.4), (1, 2), False),  # of a bundle
+        (hung(8.0, c=300.0), (1, 2), False),  # another cable at the same bolts, which hangs deeper
+        (hung(23.0, c=300.0), (1, 2), False),
+        (hung(23.0, supports=(2, 3)), (1, 2), False),  # no support in common
+        (replace(hung(23.0), span=7), (1, 2), False),  # of another span
+    ],
+)
+def test_what_is_one_conductor_in_two_positions(
+    other: Wire, strips: tuple[int, int], one: bool
+) -> None:
+    wires = [hung(8.0), other]
+    assert seen_twice(surveyed(wires, strips), wires) == [(0, 1)] * one
+
+
+def test_a_position_is_of_the_conductor_that_it_is_nearest_to_at_the_ends() -> None:
+    wires = [hung(8.0), hung(8.0, aside=0.7), hung(23.0, aside=0.7), hung(23.0)]
+    assert sorted(seen_twice(surveyed(wires, (1, 1, 2, 2)), wires)) == [(0, 3), (1, 2)]
+
+
+def test_three_strips_show_a_conductor_in_three_positions() -> None:
+    wires = [hung(8.0), hung(23.0), hung(40.0)]
+    assert seen_twice(surveyed(wires, (1, 2, 3)), wires) == [(0, 1), (0, 2), (1, 2)]
+
+
+def test_a_position_that_is_left_over_goes_on_as_no_other_conductor() -> None:
+    """Of one conductor both positions were found in the first span, of the next in the second."""
+    first = [hung(8.0), hung(23.0), hung(8.0, aside=2.0)]
+    second = [
+        hung(degrees, aside=aside, start=160.0, supports=(1, 2))
+        for degrees, aside in ((8.0, 0.0), (8.0, 2.0), (23.0, 2.0))
+    ]
+    wires = [*first, *second]
+    wires = [replace(wire, bundle=k) for k, wire in enumerate(wires)]
+    support = Support(0.0, 0.0, (0.0, 1.0), (-3.0, 3.0), HEIGHT, HEIGHT, 0.0, 1.0)
+    found = numbered(wires, [support] * 3, [(0, 1), (4, 5)])
+    assert [wire.wire for wire in found] == [1, 1, 2, 1, 2, 2]
+    assert [wire.bundle for wire in found] == [1, 1, 2, 1, 2, 2]

@@ -237,8 +237,9 @@ class ClassifyBuildings:
                 "buildings; glass lets pulses through, and greenhouses may be missing."
             )
             yield (
-                "Where points are 1 m apart or more, gaps between vehicles are not seen: buses or "
-                "lorries side by side look like flat roofs, and may be among the buildings."
+                "A van or lorry close to a wall, and vehicles side by side where points are 1 m "
+                "apart or more, look like flat roofs: they may be among the buildings or be parts "
+                "of one."
             )
 
     def check(self) -> Iterator[tuple[str, str]]:

@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.polygons import cells_within
 from algorithms.shoreline import _basin_kernels as kernels
 from algorithms.shoreline._basin_pieces import (
@@ -170,6 +171,19 @@ class RasterBasin:
         """See :meth:`PointBasin.opens`."""
         levels = np.fmax(self._heights, self._joined)
         return float(levels.min(where=self._rim, initial=np.inf))
+
+    def roughness(self, level: float) -> float:
+        """Standard error of a cell's height on the ground around the water of a level.
+
+        That of its height less the mean of the four beside it, by the median, as steps of walls and
+        banks are no error. Between points the cells of a raster are smooth, which it does not see.
+        """
+        wet = np.fmax(self._heights, self._joined) <= level
+        z = np.pad(self._heights, 1, constant_values=np.nan)
+        around = (z[:-2, 1:-1] + z[2:, 1:-1] + z[1:-1, :-2] + z[1:-1, 2:]) / 4
+        off = np.abs(self._heights - around)[ndimage.binary_dilation(wet) & ~wet]
+        off = off[np.isfinite(off)]
+        return float(NORMAL * np.median(off) / math.sqrt(1.25)) if len(off) else 0.0
 
     def _flooded(self, start: int, ctx: Context) -> Array:
         joined = np.full(self._heights.shape, np.inf)

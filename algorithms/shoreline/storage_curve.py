@@ -215,6 +215,17 @@ class ShorelineStorageCurve:
             unit="m",
             label="Level at which it runs over",
         )
+        rim_interval: float | None = sink(
+            "Half of the 95 % interval of the rim's level, by common error and roughness of the "
+            "ground",
+            unit="m",
+            label="Uncertainty of the rim (95 %)",
+        )
+        rim_volume: float | None = sink(
+            "Volume that fits below the lower end of that interval",
+            unit="m3",
+            label="Volume below the lower end of the rim",
+        )
         spill_point: Vector = sink(
             "Where it does, a point at that level",
             label="Spill point",
@@ -254,6 +265,12 @@ class ShorelineStorageCurve:
                 )
             if self.spill is not None:
                 words += f" {self._runs_over()}"
+            if self.rim_interval is not None:
+                words += (
+                    f" That is known to ± {self.rim_interval:.2f} m (95 %) by the error that all "
+                    "heights have in common and by how rough the ground around the water is; below "
+                    f"the lower end of that it holds {self.rim_volume:.0f} m³."
+                )
             return " ".join([words, *self._limits_in_words()])
 
         def _limits_in_words(self) -> Iterator[str]:
@@ -273,11 +290,6 @@ class ShorelineStorageCurve:
                 "They are for a level that a gauge tells: the common error moves the ground and "
                 "the rim alike, so that it does not change what fits below the rim itself."
             )
-            if self.spill is not None:
-                yield (
-                    f"The level of the rim is known to ± {self.common_interval:.3f} m (95 %) by "
-                    "the common error alone; that of the ground points there comes on top."
-                )
             if math.isclose(error, ASSUMED):
                 yield (
                     f"That error, {error:.3g} m, is an assumption unless it was given for this "
@@ -382,6 +394,7 @@ class ShorelineStorageCurve:
         place = spill_point(basin.spill, ground.crs)
         if basin.spill and self.distances and self.lake is not None:
             place = self._with_distance(place, basin.spill)
+        rim = self._rim_interval(basin)
         return self.Outputs(
             curve=made,
             lowest_ground=basin.lowest,
@@ -391,6 +404,8 @@ class ShorelineStorageCurve:
             level_uncertainty=self._level_uncertainty(),
             common_interval=NINETY_FIVE * self.height_error if self.height_error else None,
             spill=spill if math.isfinite(spill) else None,
+            rim_interval=rim,
+            rim_volume=None if rim is None else _below(basin, spill - rim),
             spill_point=place,
             missing_share=basin.missing,
         )
@@ -439,6 +454,16 @@ class ShorelineStorageCurve:
             return None
         known = math.hypot(self._interval(), NINETY_FIVE * self.height_error)
         return known if math.isfinite(known) else None
+
+    def _rim_interval(self, basin: PointBasin | RasterBasin) -> float | None:
+        """Half of the 95 % interval of the level at which the lake runs over.
+
+        The rim is one cell of a terrain, and no better known than one.
+        """
+        if self.lake is None or not isinstance(basin, RasterBasin) or basin.spill is None:
+            return None
+        rough = basin.roughness(basin.spill.level)
+        return NINETY_FIVE * math.hypot(self.height_error or 0.0, rough)
 
     def _interval(self) -> float:
         """Half of the 95 % interval of the level of the lake within the survey; 0 if not told."""
@@ -596,6 +621,12 @@ def place_in(lake: shapely.Polygon) -> Position:
     """A position well inside a polygon."""
     x, y = shapely.get_coordinates(shapely.maximum_inscribed_circle(lake))[0].tolist()
     return Position(x, y)
+
+
+def _below(basin: PointBasin | RasterBasin, level: float) -> float:
+    """Volume of the water up to a level; none if the lake stands higher."""
+    _, volume, _ = storage(basin.pieces(), np.array([max(level, basin.lowest)]))
+    return float(volume[0])
 
 
 def with_limits(

@@ -89,7 +89,9 @@ def test_the_set_tells_the_error_of_heights_and_shows_other_waters(tmp_path: Pat
     assert f"is known to ± {found['level_uncertainty']:.3f} m (95 %)" in text
     assert "(standard error 0.05 m), where the shore may lie" in text
     assert "They are for a level that a gauge tells" in text
-    assert "The level of the rim is known to ± 0.098 m (95 %) by the common error alone" in text
+    assert f"That is known to ± {found['rim_interval']:.2f} m (95 %) by the error" in text
+    assert f"it holds {found['rim_volume']:.0f} m³" in text
+    assert found["rim_interval"] > 0.0979
     assert "That error, 0.05 m, is an assumption unless it was given for this survey" in text
     assert "AHN" not in text, "a survey of another country"
     assert found["level_uncertainty"] > 0.0979 > found["level_interval"]

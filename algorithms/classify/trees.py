@@ -137,7 +137,10 @@ class ClassifyTrees:
             frame, metre = self.tops.frame, self.tops.metre
             heights, area = frame["height"] / metre, frame["crown_area"].sum() / metre**2
             span = f"{heights.min():.1f} to {heights.max():.1f} m"
-            return f"Single trees: {len(frame)}, {span} high, crowns of {area:.0f} m² in all."
+            return (
+                f"Single trees: {len(frame)}, {span} high, crowns of {area:.0f} m² in all, both "
+                "counted where two overlap."
+            )
 
         def not_looked_at(self) -> Iterator[str]:
             """Crowns that were cut, and trees that are not seen or are none."""

@@ -106,7 +106,13 @@ class PointsSurveyQuality:
                 "strip": Column("Strip"),
                 "first_returns": Column("First returns"),
                 "area_m2": Column("Area with points", "m²", 0),
-                "per_m2": Column("First returns per covered area", "1/m²", 2),
+                "per_m2": Column(
+                    "First returns per covered area",
+                    "1/m²",
+                    2,
+                    meaning="Mean of the cells that no edge of the data cuts: not the number of "
+                    "returns over the area, which hold cut cells, too",
+                ),
                 "spacing_m": Column("Spacing of pulses", "m", 2),
                 "thin_share": Column("Cells with less than half of the mean", "%", 1, 100.0),
                 "void_share": Column("Voids", "%", 2, 100.0),

@@ -811,8 +811,11 @@ def _profile(
         )
     for number, state in enumerate(line.states):
         drawing.key("curve", f"wires: {state.name}", WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
-    for tower, place in towers.items():
-        _draw_tower(drawing, tower, *place)
+    for tower, place in towers.items():  # an axis: its foot and top are not known here
+        drawing.curve(np.repeat(place[0], 2), np.array([first[1], last[1]]), TOWER_COLOUR, 1.0)
+        drawing.text(*place, f"tower {tower}", TOWER_COLOUR)
+    if towers:
+        drawing.key("curve", "axis of a tower", TOWER_COLOUR, "")
     for _, ends in leasts:
         drawing.curve(ends[:, 0], ends[:, 1], LEAST_COLOUR, 1.5)
     if leasts:

@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.special import fdtrc
 
 from algorithms.shared.lowest import blocks, cells_of, lattice_around
 from algorithms.shared.otsu import otsu_threshold
+from algorithms.shared.water_surface import WIDEST
 from algorithms.shared.windows import between
 from algorithms.shoreline import _kernels as kernels
 from algorithms.shoreline._kernels import TAKEN
@@ -43,6 +45,7 @@ from toolbox.data.crs import Unit, unit_of
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Floats = NDArray[np.floating[Any]]
+Doubles = NDArray[np.float64]
 
 # Lengths in metres, from the noise of airborne points (0.02 to 0.05) and the waves of small waters.
 COARSE = 4.0  # cells on which the density is counted, unless they hold too few points
@@ -66,6 +69,8 @@ DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1
 LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
 SIGMAS = 1.683  # standard deviations of a normal distribution between its 20 % and its 80 %
 BENT = 0.02  # m between places of a dark surface that is none of water: strips fit to so much
+SHAPE = 6  # terms of a quadratic surface
+CHANCE = 0.001  # that noise has a shape so clear: of flat waters that are very dark one in 1000
 STEEPEST = 0.03  # slope of a river: of steeper streams no plane is the surface
 PAVED = 0.005  # slope: half of what drains paved ground at least; calm rivers fall by less
 PIECES = 4  # of a river, along it, of which each has a shape across
@@ -937,7 +942,7 @@ def judge(
     dark = amid if rough else _darkness(cells, body, ring)  # wet banks are rough and dark, too
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
     level_enough = tilt == LEVEL and _is_level(cells, body)
-    shaped = level_enough and _bent(cells, body)
+    shaped = level_enough and _bent(cells, body, surely=dark >= VERY_DARK)
     fewer = SPARSE < lost <= FEWER and level_enough and not shaped
     across = tilt != LEVEL and dark >= VERY_DARK and flows(cells, body, tilt)
     reasons = {
@@ -1058,12 +1063,14 @@ def _is_level(cells: CellGrid, some: Ints) -> bool:
     return _flat(cells, core, middle, waves) or _two_levels(cells, core, middle, waves)
 
 
-def _bent(cells: CellGrid, some: Ints) -> bool:
+def _bent(cells: CellGrid, some: Ints, *, surely: bool) -> bool:
     """Whether cells that are nearly level lie on a tilted or curved surface, as paved ground does.
 
     Water has no shape: what the heights of its blocks differ by are waves, noise, and steps between
     flights. Two levels explain all of these better than a quadratic surface does, as noise is
     halved by its median, and a step is one. Only rivers fall, which are long.
+
+    With `surely` the shape must also be more than chance: see :func:`_is_by_chance`.
     """
     core = core_of(cells, some)
     core = core[np.isfinite(cells.middle.ravel()[core])]
@@ -1073,12 +1080,38 @@ def _bent(cells: CellGrid, some: Ints) -> bool:
     if len(parts) < BLOCKS:
         return False
     z = np.array([heights[part].mean() for part in parts])
-    south, east = (np.array([spots[part].mean(axis=0) for part in parts]) - spots.mean(axis=0)).T
-    design = np.column_stack([np.ones(len(z)), south, east, south**2, south * east, east**2])
-    if _along_a_line(south, east):
-        z = z - design[:, :3] @ np.linalg.lstsq(design[:, :3], z, rcond=None)[0]
-    fit = design @ np.linalg.lstsq(design, z, rcond=None)[0]
-    return bool(np.ptp(fit) >= BENT * cells.metre and not two_levels_fit(z, fit))
+    z, fit, _ = _fitted(np.array([spots[part].mean(axis=0) for part in parts]), z)
+    bent = np.ptp(fit) >= BENT * cells.metre and not two_levels_fit(z, fit)
+    return bool(bent and not (surely and _is_by_chance(cells, core, spots)))
+
+
+def _is_by_chance(cells: CellGrid, core: Ints, spots: Floats) -> bool:
+    """Whether noise alone may be the shape of a surface, by the F-test of independent heights.
+
+    Medians of cells side by side share most of their heights, so those of a few dozen cells lie on
+    a smooth surface though the water is flat. The lowest heights themselves share none.
+    """
+    low = cells.low.ravel()[core].astype(float)
+    off = abs(low - cells.middle.ravel()[core])
+    near = off <= WIDEST * waves_of(cells, core)  # but for boats and errors
+    z, fit, terms = _fitted(spots[near], low[near])
+    freedom = len(z) - SHAPE
+    if freedom <= 0:
+        return False
+    ratio = (fit @ fit / terms) / max(float(((z - fit) ** 2).sum()) / freedom, 1e-12)
+    return bool(fdtrc(terms, freedom, ratio) > CHANCE)
+
+
+def _fitted(spots: Floats, heights: Floats) -> tuple[Doubles, Doubles, int]:
+    """Heights about their mean, a quadratic surface through them, and its terms but for that.
+
+    Of a long place they are those about a plane, which has two of the terms.
+    """
+    south, east = (spots - spots.mean(axis=0)).T
+    design = np.column_stack([np.ones(len(south)), south, east, south**2, south * east, east**2])
+    known = 3 if _along_a_line(south, east) else 1
+    z = heights - design[:, :known] @ np.linalg.lstsq(design[:, :known], heights, rcond=None)[0]
+    return z, design @ np.linalg.lstsq(design, z, rcond=None)[0], SHAPE - known
 
 
 def waves_of(cells: CellGrid, some: Ints) -> float:

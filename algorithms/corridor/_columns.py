@@ -28,7 +28,10 @@ LENGTHS = {
 OBJECTS = {
     **LENGTHS,
     "object_id": Column("Object"),
-    "clump": Column("Clump", meaning="Objects with the same number touch, as trees of one group"),
+    "clump": Column(
+        "Clump",
+        meaning="Objects with the same number touch, as trees of one group or parts of one tree",
+    ),
     "severity": Column("Severity"),
     "kind": Column("Kind"),
     "rule": Column("Rule"),

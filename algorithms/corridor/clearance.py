@@ -43,6 +43,7 @@ from algorithms.corridor._clearance.missed import (
 )
 from algorithms.corridor._clearance.objects import (
     FALLING,
+    Falls,
     clumps_of,
     falling_trees,
     objects_of,
@@ -401,8 +402,7 @@ class CorridorClearance:
             label="Points of what is listed",
         )
         objects: Vector = sink(
-            "Objects too close, to be watched or near without a rule, where closest; falling trees "
-            "at their tops",
+            "Objects too close, to be watched or near without a rule, each where it is closest",
             show=show.Classes("severity", {word: LOOKS[word] for word in SEVERITIES[:-1]}),
             label="Objects by severity",
             columns=columns.OBJECTS,
@@ -525,8 +525,10 @@ class CorridorClearance:
         objects = metric._objects(cloud, surroundings, found, rules)
         if self.falling:
             rules = [*rules, FALLING]
-            falls = metric._falls(surroundings, line, rules, ctx.part(0.8, 0.89))
-            objects, found = with_falls(surroundings, objects, found, falls, rules)
+            falls = metric._falls(surroundings, line, ctx.part(0.8, 0.89))
+            objects, found = with_falls(
+                surroundings, line, objects, found, falls, rules, point_sd=metric.point_sd
+            )
         hanging, free = metric._hanging(surroundings, line, rules, ctx.part(0.89, 0.9))
         rules = [*rules, HANGING] if hanging else rules
         found = found.joined(free)
@@ -549,7 +551,7 @@ class CorridorClearance:
         lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
         objects = [*objects, *hanging]
         clumps = clumps_of(surroundings, objects, gap=metric.object_gap)
-        ranks = rank_as_surveyed(surroundings, line, rules, found, reach=reach)
+        ranks = rank_as_surveyed(surroundings, line, rules, found, objects, reach=reach)
         layer, unsure = apart(
             object_layer(cloud, surroundings, line, rules, objects, clumps, like, ranks)
         )
@@ -667,18 +669,9 @@ class CorridorClearance:
             surroundings.left_out["Too close, but too few for an object"] = len(lone)
         return objects
 
-    def _falls(
-        self, surroundings: Surroundings, line: LineStates, rules: list[Rule], ctx: Context
-    ) -> Violations:
-        """The tops of trees that reach a wire if they fall; the last rule is theirs."""
-        return falling_trees(
-            surroundings,
-            line,
-            rule=len(rules) - 1,
-            point_sd=self.point_sd,
-            **self._grouped,
-            ctx=ctx,
-        )
+    def _falls(self, surroundings: Surroundings, line: LineStates, ctx: Context) -> Falls:
+        """The trees that reach a wire if they fall."""
+        return falling_trees(surroundings, line, point_sd=self.point_sd, **self._grouped, ctx=ctx)
 
     @property
     def _grouped(self) -> Grouped:

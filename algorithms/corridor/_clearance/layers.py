@@ -137,8 +137,6 @@ def object_layer(
 ) -> Vector:
     """Vector layer of the objects: one point per object, where it is closest to the wire.
 
-    A tree of the rule of falling ones is at its top.
-
     Parameters
     ----------
     ranks : how severe points are with the wires as surveyed, see `rank_as_surveyed`

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from algorithms.corridor._clearance.distances import (
     distances,
     fall_in,
     find_violations,
+    nearest_wires,
 )
 from algorithms.corridor._clearance.rules import KINDS, SEVERITIES, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
@@ -89,9 +90,10 @@ def objects_by(
 
 
 def clumps_of(surroundings: Surroundings, objects: Sequence[Object], *, gap: float) -> list[int]:
-    """The clump of each object, from 1 by urgency: objects whose points touch are of one.
+    """The clump of each object, from 1 by urgency: objects that touch are of one.
 
-    Wide groups of trees are parted tree by tree, and a crew is sent to the clump.
+    Wide groups of trees are parted tree by tree, and of a tree only parts may be too close; a crew
+    is sent to the clump. So what joins objects may be points that are not listed.
 
     Parameters
     ----------
@@ -99,11 +101,12 @@ def clumps_of(surroundings: Surroundings, objects: Sequence[Object], *, gap: flo
     """
     if not objects:
         return []
-    points = np.concatenate([one.points for one in objects])
-    group = groups(surroundings.xyz[points], surroundings.kind[points].astype(np.int64), gap)
-    firsts = np.cumsum([0, *(len(one.points) for one in objects[:-1])])
+    kind = np.maximum(surroundings.kind, surroundings.hanging).astype(np.int64)
+    firsts = np.array([one.points[0] for one in objects])
+    like = np.flatnonzero(np.isin(kind, kind[firsts]))
+    group = groups(surroundings.xyz[like], kind[like], gap)[np.searchsorted(like, firsts)]
     numbers: dict[int, int] = {}
-    return [numbers.setdefault(int(own), len(numbers) + 1) for own in group[firsts]]
+    return [numbers.setdefault(own, len(numbers) + 1) for own in group.tolist()]
 
 
 def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
@@ -148,91 +151,169 @@ def _members(group: Ints) -> list[Ints]:
     return np.split(order, edges) if len(group) else []
 
 
+@dataclass(frozen=True)
+class Falls:
+    """Trees that reach a wire if they fall, those that reach farthest beyond it first.
+
+    Attributes
+    ----------
+    points : of each of m trees
+    left : array of shape (m,), see `fall_in`; of the point that reaches farthest
+    state : array of shape (m,), in which that is so
+    probability : array of shape (m,), that it reaches the wire
+    """
+
+    points: list[Ints]
+    left: Floats
+    state: Ints
+    probability: Floats
+
+
 def falling_trees(
     surroundings: Surroundings,
     line: LineStates,
     *,
-    rule: int,
     gap: float,
     fewest: int,
     point_sd: float,
     ctx: Context = QUIET,
-) -> Violations:
-    """Violations by the tops of trees that reach a wire if they fall; distances as they stand.
+) -> Falls:
+    """Trees that reach a wire if they fall; a foot may be below any point, as none is seen.
 
     Parameters
     ----------
     gap, fewest : points that have fewer around them are no trees, metres; see `lonely`
     """
-    trees = np.flatnonzero(np.isin(surroundings.kind, TREES) & (surroundings.height >= LOWEST_TREE))
-    trees = trees[~lonely(surroundings.xyz[trees], gap, fewest)]
-    tops = trees[tree_tops(surroundings.xyz[trees], surroundings.height[trees])]
-    if not len(tops):
-        return Violations.none()
-    left, wire, state, u = fall_in(
-        np.ascontiguousarray(surroundings.xyz[tops]),
-        surroundings.height[tops],
-        line.curves,
-        ctx=ctx,
-    )
-    hit = np.flatnonzero(left < 0)
-    sd = clearance_sd(line.curves, state[hit], wire[hit], u[hit], point_sd)
-    standing = [
-        distances(surroundings.xyz[[tops[k]]], line.curves[state[k]][wire[k]])[0] for k in hit
-    ]
-    space, vertical, flat, _ = np.reshape(standing, (-1, 4)).T
-    return Violations(
-        tops[hit],
-        wire[hit],
-        np.full(len(hit), rule),
-        state[hit],
-        left[hit],
-        left[hit],
-        space,
-        vertical,
-        flat,
-        u[hit],
-        sd,
-        ndtr(-left[hit] / sd),
-    )
+    plants = np.flatnonzero(np.isin(surroundings.kind, TREES))
+    plants = plants[~lonely(surroundings.xyz[plants], gap, fewest)]
+    xyz, height = surroundings.xyz[plants], _stems(surroundings.height[plants])
+    if not height.any():
+        return Falls([], np.empty(0), np.empty(0, np.int64), np.empty(0))
+    kind = surroundings.kind[plants].astype(np.int64)
+    tops = xyz[tree_tops(xyz, height)]
+    tree = parted(xyz, groups(xyz, kind, gap), np.ones(len(plants), bool), tops)
+    left, wire, state, u = fall_in(xyz, height, line.curves, ctx=ctx)
+    worst = _worst(xyz, tree, np.zeros(len(plants), np.int64), left)
+    worst = worst[left[worst] < 0]
+    sd = clearance_sd(line.curves, state[worst], wire[worst], u[worst], point_sd)
+    members = _members(tree)
+    points = [plants[members[number]] for number in tree[worst]]
+    return Falls(points, left[worst], state[worst], ndtr(-left[worst] / sd))
+
+
+def _stems(height: Floats) -> Floats:
+    """Heights of stems that may fall: 0 where it is not known, or less than that of a tree."""
+    return np.where(height >= LOWEST_TREE, height, 0.0)
 
 
 def with_falls(
     surroundings: Surroundings,
+    line: LineStates,
     objects: Sequence[Object],
     found: Violations,
-    falls: Violations,
+    falls: Falls,
     rules: Sequence[Rule],
+    *,
+    point_sd: float,
 ) -> tuple[list[Object], Violations]:
     """Objects with the clearance of their falling trees, and other falling trees as objects.
+
+    Parameters
+    ----------
+    rules : the last is that of falling trees
 
     Returns
     -------
     objects, and violations of all rules, of which a point breaks one
     """
-    number = np.repeat(np.arange(len(objects)), [len(one.points) for one in objects])
-    points = np.concatenate([one.points for one in objects] or [np.empty(0, np.int64)])
-    may_fall = np.isin(surroundings.kind[points], TREES)
-    owner = np.full(len(falls), -1)
-    if may_fall.any() and len(falls):
-        tree = cKDTree(
-            surroundings.xyz[points[may_fall], :2], compact_nodes=False, balanced_tree=False
-        )
-        near = tree.query(surroundings.xyz[falls.point, :2])
-        owner = np.where(near[0] <= CROWN_RADIUS, number[may_fall][near[1]], -1)
     least = np.full(len(objects), np.inf)
-    np.minimum.at(least, owner[owner >= 0], falls.measure[owner >= 0])
+    alone = []
+    for number, held in enumerate(_holders(surroundings, objects, falls)):
+        least[held] = np.minimum(least[held], falls.left[number])
+        if not len(held):
+            alone.append(number)
     reaching = [
         replace(one, falls=float(left)) if left < 0 else one
         for one, left in zip(objects, least, strict=True)
     ]
-    alone = falls.select(owner < 0)
-    order = np.lexsort((*surroundings.xyz[alone.point].T, alone.measure))
-    trees = [_object(surroundings, alone, k, np.array([k])) for k in order]
-    trees = [replace(one, falls=one.measure) for one in trees]
-    known = found.joined(alone.select(~np.isin(alone.point, found.point)))
+    made, tree = _standing(surroundings, line, falls, alone, found, len(rules) - 1, point_sd)
+    trees = [replace(one, falls=one.measure) for one in objects_by(surroundings, made, tree, rules)]
+    trees.sort(key=lambda one: one.measure)
     rank = [SEVERITIES.index(rule.severity) for rule in rules]
-    return sorted([*reaching, *trees], key=lambda one: rank[one.rule]), known
+    return sorted([*reaching, *trees], key=lambda one: rank[one.rule]), found.joined(made)
+
+
+def _holders(surroundings: Surroundings, objects: Sequence[Object], falls: Falls) -> Iterator[Ints]:
+    """The objects that hold points of each tree, else that within a crown of its top in plan."""
+    number = np.repeat(np.arange(len(objects)), [len(one.points) for one in objects])
+    points = np.concatenate([one.points for one in objects] or [np.empty(0, np.int64)])
+    holder = np.full(len(surroundings.xyz), -1)
+    holder[points] = number
+    plants = points[np.isin(surroundings.kind[points], TREES)]
+    near = (
+        cKDTree(surroundings.xyz[plants, :2], compact_nodes=False, balanced_tree=False)
+        if len(plants)
+        else None
+    )
+    for own in falls.points:
+        held = np.unique(holder[own])
+        held = held[held >= 0]
+        if not len(held) and near is not None:
+            top = own[np.nanargmax(surroundings.height[own])]
+            away, nearest = near.query(surroundings.xyz[top, :2])
+            held = holder[plants[[nearest]]] if away <= CROWN_RADIUS else held
+        yield held
+
+
+def _standing(
+    surroundings: Surroundings,
+    line: LineStates,
+    falls: Falls,
+    alone: Sequence[int],
+    found: Violations,
+    rule: int,
+    point_sd: float,
+) -> tuple[Violations, Ints]:
+    """Points of some trees that may fall, measured as they stand, and the tree of each.
+
+    All points of a tree are measured from the wire that is nearest to one of them. Those that are
+    listed already, as too close but too few for an object, are left out.
+    """
+    xyz, some = surroundings.xyz, [falls.points[number] for number in alone]
+    tree = np.repeat(np.array(alone, np.int64), [len(own) for own in some])
+    points = np.concatenate([*some, np.empty(0, np.int64)])
+    state, wire = falls.state[tree], np.full(len(points), -1)
+    measured = np.empty((len(points), 4))
+    # A foot is nearer to the wire than its stem is high, so no stem is farther than twice that.
+    reach = 2 * float(_stems(surroundings.height[points]).max(initial=0.0))
+    for number in np.unique(state).tolist():
+        own, curves = np.flatnonzero(state == number), line.curves[number]
+        space, near = nearest_wires(
+            xyz[points[own]], surroundings.kind[points[own]], curves, reach=reach
+        )
+        for group in np.split(np.arange(len(own)), np.flatnonzero(np.diff(tree[own])) + 1):
+            here = own[group]
+            wire[here] = near[group[space[group].argmin()]]
+            measured[here] = distances(xyz[points[here]], curves[wire[here[0]]])
+    space, vertical, flat, u = measured.T
+    left = falls.left[tree]
+    sd = clearance_sd(line.curves, state, wire, u, point_sd)
+    made = Violations(
+        points,
+        wire,
+        np.full(len(points), rule),
+        state,
+        left,
+        space,  # the nearest of its points tells where an object is
+        space,
+        vertical,
+        flat,
+        u,
+        sd,
+        falls.probability[tree],
+    )
+    fresh = ~np.isin(points, found.point)
+    return made.select(fresh), tree[fresh]
 
 
 def rank_as_surveyed(
@@ -240,6 +321,7 @@ def rank_as_surveyed(
     line: LineStates,
     rules: Sequence[Rule],
     found: Violations,
+    objects: Sequence[Object],
     *,
     reach: float,
 ) -> Ints:
@@ -261,7 +343,6 @@ def rank_as_surveyed(
     calm = found.state == 0
     ranks[found.point[calm]] = severity[found.rule[calm]]
     falls = np.array([rule.id == FALLING.id for rule in rules], bool)[found.rule]
-    trees = found.point[(found.state != 0) & falls]
     others = found.point[(found.state != 0) & ~falls]
     numbers = [k for k, rule in enumerate(rules) if rule.id != FALLING.id]
     measured = [rules[k] for k in numbers]
@@ -269,9 +350,14 @@ def rank_as_surveyed(
         xyz, kind = surroundings.xyz[others], surroundings.kind[others]
         now, _ = find_violations(xyz, kind, line.curves[:1], measured, reach=reach, point_sd=0.0)
         ranks[others[now.point]] = severity[numbers][now.rule]
-    if len(trees):
-        left, *_ = fall_in(surroundings.xyz[trees], surroundings.height[trees], line.curves[:1])
-        ranks[trees[left < 0]] = SEVERITIES.index(FALLING.severity)
+    trees = [one.points for one in objects if one.state and rules[one.rule].id == FALLING.id]
+    if trees:
+        points = np.concatenate(trees)
+        tree = np.repeat(np.arange(len(trees)), [len(own) for own in trees])
+        height = _stems(surroundings.height[points])
+        left, *_ = fall_in(surroundings.xyz[points], height, line.curves[:1])
+        reaches = np.bincount(tree, left < 0) > 0
+        ranks[points[reaches[tree]]] = SEVERITIES.index(FALLING.severity)
     return ranks
 
 

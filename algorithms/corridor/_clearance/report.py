@@ -94,12 +94,11 @@ LISTED = (
     "may_be_wire",
 )
 LIST_CAPTION = (
-    "Each object stands where it is closest to a wire; a tree that is listed alone for what it "
-    "reaches when it falls (rule falling) stands at its top, counts as one point, and its "
-    "clearance is from there. The clearance at other temperatures is that "
-    "in the wind of the survey (see Temperature of the wires). Objects of one clump touch: a wide "
-    "group of trees is listed tree by tree. Where Shape of a wire says yes, the points may be a "
-    "wire that was not found"
+    "Each object stands where it is closest to a wire. The clearance at other temperatures is that "
+    "in the wind of the survey (see Temperature of the wires). Objects of one clump touch, if need "
+    "be through points between them that are not listed: a wide group of trees is listed tree by "
+    "tree, and a tree part by part if only parts of it are too close. Where Shape of a wire says "
+    "yes, the points may be a wire that was not found"
 )
 UNSURE_CAPTION = (
     "Listed is the point nearest to each wire. What has the class of plants, or none, and hangs in "
@@ -495,7 +494,7 @@ def _may_break(surroundings: Surroundings, line: LineStates, rest: AtRest) -> li
         )
     return [
         f"Points that keep the rules {looked}, and may break one at another temperature of the "
-        f"wires: {told}. They are in no list and no file{more}."
+        f"wires: {told}. They are not listed for that{more}."
     ]
 
 

@@ -134,7 +134,7 @@ class Surroundings:
 class Object:
     """Points that form one object, with the measures of the worst violation among them, in metres.
 
-    `falls` is what is left between its highest tree and a wire if the tree falls; NaN if no tree
+    `falls` is what is left between its trees and a wire if they fall, at the worst; NaN if no tree
     of it reaches one. The others are as in `Violations`.
     """
 

@@ -891,6 +891,43 @@ def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
     assert run(points, distance=5.0, falling=False)["object_count"] == 1
 
 
+def test_a_falling_tree_is_all_its_points_and_stands_where_it_is_closest() -> None:
+    """Its top alone was measured, and told 19.76 m of a tree whose branches were 6.8 m away."""
+    ground, crown = flat(), leaves(150.0, 15.0, 22.0, (10.0, 10.0, 24.0))
+    points = cloud([*crown, *ground], [5] * len(crown) + [2] * len(ground))
+    result = run(points, distance=5.0)
+    (one,) = result["objects"].frame.to_dict("records")
+    away = distances(crown, LEVEL)[:, 0]
+    assert (one["rule"], one["severity"], one["points"]) == ("falling", "watch", len(crown))
+    assert one["clearance"] == one["distance"] == pytest.approx(away.min(), abs=0.01)
+    assert one["clearance_surveyed"] == pytest.approx(one["clearance"])
+    place = crown[away.argmin()] + np.array([EAST, NORTH, 0.0])
+    assert shapely.get_coordinates(one["geometry"], include_z=True)[0] == pytest.approx(place)
+    assert one["height"] == pytest.approx(crown[:, 2].max(), abs=0.01)
+    feet = crown * np.array([1.0, 1.0, 0.0])
+    reach = distances(feet, LEVEL)[:, 0] - crown[:, 2]
+    assert one["falls"] == pytest.approx(reach.min(), abs=0.01)
+    assert reach.min() < reach[crown[:, 2].argmax()] - 0.5, "not the top reaches farthest"
+    listed = result["violations"]
+    assert listed["object_id"].tolist() == [1] * len(crown)
+    assert set(listed["severity"]) == {4}
+    assert listed["distance"].min() == pytest.approx(one["distance"], abs=1e-4)
+    counts = [result[f"{word}_count"] for word in ("object", "critical", "warning", "watch")]
+    assert counts == [0, 0, 0, 1]
+
+
+def test_a_tree_with_a_branch_too_close_is_no_falling_tree_besides() -> None:
+    """The top is farther than a crown from the branch, and still of the same tree."""
+    ground, crown = flat(), leaves(150.0, 13.0, 22.0, (8.0, 8.0, 24.0))
+    branch = np.array([[150.0, 9.0 - k / 2, 21.0] for k in range(13)])
+    points = cloud([*crown, *branch, *ground], [5] * (len(crown) + 13) + [2] * len(ground))
+    result = run(points, distance=5.0)
+    (one,) = result["objects"].frame.to_dict("records")
+    assert (one["severity"], result["watch_count"]) == ("critical", 0)
+    assert one["falls"] < 0
+    assert len(result["violations"]) == one["points"] < 13
+
+
 def test_severities_are_counted_apart() -> None:
     ground = flat()
     tall = [*blob(150, 15, 34.0), *blob(60, -16, 15.0), *blob(200, 1.0, 18.0)]
@@ -916,6 +953,24 @@ def test_trees_of_one_clump_carry_its_number() -> None:
     assert "They stand in 2 clumps." in result["report"].summary
     listed = pd.DataFrame({"severity": ["critical", "critical", "watch"], "clump": [1, 1, 2]})
     assert _in_clumps(listed) == "They stand in 1 clumps.", "of those that are too near"
+
+
+@pytest.mark.parametrize(("step", "clumps"), [(0.5, 1), (2.5, 2)])
+def test_parts_of_one_tree_at_wires_above_each_other_are_of_one_clump(
+    step: float, clumps: int
+) -> None:
+    """Points between them that are not too close join them, if no gap is wider than that."""
+    low = float(LEVEL.height(np.array(150.0)))
+    upper = replace(LEVEL, z_start=38.0, z_end=38.0)
+    parts = [blob(150.0, 1.0, low), blob(150.0, 1.0, low + 8.0)]
+    between = [(150.0, 1.0, low + z) for z in np.arange(step, 8.0, step)]
+    trees = [*parts[0], *parts[1], *between]
+    result = run(cloud(trees, 5), LEVEL, upper, distance=2.0, falling=False)
+    frame = result["objects"].frame
+    assert frame["clump"].tolist() == [1, clumps]
+    summary = result["report"].summary
+    assert "2 objects are nearer" in summary
+    assert ("They stand in 1 clumps." in summary) == (clumps == 1)
 
 
 def test_trees_that_will_grow_too_close_are_watched() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -651,24 +652,22 @@ def numbered(
 
     Parameters
     ----------
-    same : pairs of wires that are one conductor in two positions; only the first goes on in other
-        spans, as what is left over when not all have both would go on as another conductor
+    same : pairs of wires that are one conductor in two positions; the second goes on in other spans
+        only where one begins at its end, as where it was not found another conductor would follow
     """
     if not wires:
         return []
     link = np.zeros((len(wires), len(wires)), bool)
     for a, b in same:
         link[a, b] = True
-    first = sorted(set(range(len(wires))) - {b for _, b in same})
+    every, again = set(range(len(wires))), {b for _, b in same}
     for number in range(len(supports)):
-        ends = [(k, e) for k in first for e in (0, 1) if wires[k].supports[e] == number]
-        spans = sorted({wires[k].span for k, _ in ends})
-        for i, one in enumerate(spans):
-            for other in spans[i + 1 :]:
-                here = [(k, e) for k, e in ends if wires[k].span == one]
-                there = [(k, e) for k, e in ends if wires[k].span == other]
-                for a, b in matched(wires, here, there):
-                    link[a, b] = True
+        met = list(meeting(wires, every - again, number, SETTINGS.network.join_aside))
+        left = every - {k for pair in met for k in pair}
+        more = meeting(wires, left, number, SETTINGS.continued.same_wire)
+        met += [pair for pair in more if again & {*pair}]
+        for a, b in met:
+            link[a, b] = True
     chain = in_order(connected_components(coo_array(link), directed=False)[1])
     for own in {wire.bundle for wire in wires}:
         mine = [k for k, wire in enumerate(wires) if wire.bundle == own]
@@ -704,15 +703,29 @@ def in_order(label: NDArray[np.int32]) -> Ints:
     return np.asarray(np.argsort(np.argsort(first))[inverse])
 
 
-def matched(
-    wires: Sequence[Wire], here: Sequence[tuple[int, int]], there: Sequence[tuple[int, int]]
+def meeting(
+    wires: Sequence[Wire], some: AbstractSet[int], number: int, reach: float
 ) -> Iterator[tuple[int, int]]:
-    """Pairs of wires that continue each other at a support."""
+    """Pairs of some of the wires that continue each other at a support, from span to span."""
+    ends = [(k, e) for k in sorted(some) for e in (0, 1) if wires[k].supports[e] == number]
+    for one, other in itertools.combinations(sorted({wires[k].span for k, _ in ends}), 2):
+        here = [(k, e) for k, e in ends if wires[k].span == one]
+        there = [(k, e) for k, e in ends if wires[k].span == other]
+        yield from matched(wires, here, there, reach)
+
+
+def matched(
+    wires: Sequence[Wire],
+    here: Sequence[tuple[int, int]],
+    there: Sequence[tuple[int, int]],
+    reach: float,
+) -> Iterator[tuple[int, int]]:
+    """Pairs of wires of two spans whose ends are within a distance of each other, in metres."""
     a, b = (np.array([wires[k].curve.ends[e] for k, e in side]) for side in (here, there))
     away = np.linalg.norm(a[:, None] - b[None], axis=2)
-    rows, columns = linear_sum_assignment(np.minimum(away, 10 * SETTINGS.network.join_aside))
+    rows, columns = linear_sum_assignment(np.minimum(away, 10 * reach))
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
-        if away[i, j] < SETTINGS.network.join_aside:
+        if away[i, j] < reach:
             yield here[i][0], there[j][0]
 
 

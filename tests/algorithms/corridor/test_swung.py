@@ -139,3 +139,13 @@ def test_a_position_that_is_left_over_goes_on_as_no_other_conductor() -> None:
     found = numbered(wires, [support] * 3, [(0, 1), (4, 5)])
     assert [wire.wire for wire in found] == [1, 1, 2, 1, 2, 2]
     assert [wire.bundle for wire in found] == [1, 1, 2, 1, 2, 2]
+
+
+def test_a_position_goes_on_where_a_piece_hardly_sags() -> None:
+    """Behind the last tower a piece of a span was seen: its swing tells nothing, its end does."""
+    first = [hung(8.0), hung(23.0), hung(8.0, aside=4.0)]
+    piece = [hung(start=160.0, aside=aside, supports=(1, -1)) for aside in (0.0, 0.1, 4.0)]
+    wires = [replace(wire, bundle=k) for k, wire in enumerate([*first, *piece])]
+    support = Support(0.0, 0.0, (0.0, 1.0), (-3.0, 5.0), HEIGHT, HEIGHT, 0.0, 1.0)
+    found = numbered(wires, [support] * 2, [(0, 1)])
+    assert [wire.wire for wire in found] == [1, 1, 2, 1, 1, 2]

@@ -812,7 +812,7 @@ def _profile(
         drawing.key("curve", f"wires: {state.name}", WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
     for tower, place in towers.items():  # an axis: its foot and top are not known here
         drawing.curve(np.repeat(place[0], 2), np.array([first[1], last[1]]), TOWER_COLOUR, 1.0)
-        drawing.text(*place, f"tower {tower}", TOWER_COLOUR)
+        drawing.text(place[0], place[1], f"tower {tower}", TOWER_COLOUR)
     if towers:
         drawing.key("curve", "axis of a tower", TOWER_COLOUR, "")
     for _, ends in leasts:

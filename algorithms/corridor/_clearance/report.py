@@ -117,7 +117,8 @@ KIND_CAPTION = (
     "For each kind of object: its least distance in space from a wire, of what is near the wires "
     "in plan; how many objects are too close, are to be watched as trees that grow, reach a wire "
     "only if they fall, or are near and have no rule; its points by their distance from the wires; "
-    "and the rules it is held to. Line means the conductors of another line"
+    "and the rules it is held to. Several objects of one clump may be parts of one tree. Line "
+    "means the conductors of another line"
 )
 NO_PART_CAPTION = "These points are part of no object"
 ZONE_CAPTION = (

@@ -74,7 +74,7 @@ COUNTS += ["{1}, {2} bytes, sha256 {3}"]  # of an input
 COUNTS += ["{1} (conductors of {2} °C)"]
 COUNTS += [guessed("{1}")]
 COUNTS += [f"{{1}}, {limit}" for limit in LIMITS.values()]
-COUNTS += ["place of about {1} m2 at {2},{3}"]
+COUNTS += ["about {1} m2 at {2},{3}"]
 COUNTS += [f"{low} {{1}} and {high} {{2}}" for low in (">", ">=") for high in ("<", "<=")]
 SHORT = ["no rule", "as surveyed", "below a wire", "least distance", "not given", "near a wire"]
 SHORT += ["written with", "made from"]  # in the record of a run

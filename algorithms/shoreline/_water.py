@@ -196,7 +196,11 @@ def _is_wet(cells: CellGrid, whole: Water, reach: Water) -> bool:
 
 def _without_gaps(cells: CellGrid, found: Sequence[Water], steep: Sequence[Water]) -> list[Water]:
     """Waters but for gaps of the data on land, which are told of with those known as steep."""
-    if gaps := [*steep, *(water for water in found if _is_gap(cells, water))]:
+    kept: list[Water] = []
+    gaps = list(steep)
+    for water in found:
+        (gaps if _is_gap(cells, water) else kept).append(water)
+    if gaps:
         log.warning(
             "points: gaps of the data that are left out: %d; they fall by more than %.0f %%, as "
             "hillsides do, or end on land, or lie between its pieces without a shore at one level: "
@@ -205,7 +209,7 @@ def _without_gaps(cells: CellGrid, found: Sequence[Water], steep: Sequence[Water
             100 * STEEPEST,
             some_of([_spot(cells, one.body.cells) for one in gaps]),
         )
-    return [water for water in found if not _is_gap(cells, water)]
+    return kept
 
 
 def _is_steep(cells: CellGrid, water: Water) -> bool:

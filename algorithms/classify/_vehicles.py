@@ -1,7 +1,8 @@
 """Which bodies above the ground are vehicles: buses, trams, lorries, containers, cars.
 
 Roads and rails set the size of vehicles. What is no wider and no higher than that, and has ground
-all around, is taken for one: narrow annexes lean on a house, and free-standing houses are wider.
+all around, also between it and a wall close by, is taken for one: narrow annexes lean on a house,
+and free-standing houses are wider.
 Cars are told from shrubs as well: they are oblongs, and let few pulses through. And a roof hides
 the ground: where ground is seen between, as among vehicles in rows, below crowns, or where one
 stood in one strip and had left in the next, there is no roof.
@@ -90,10 +91,37 @@ def large_vehicles(
     smallest : area of a building, in its square; what is as large must be longer than wide as well
     """
     found = np.zeros(len(roof), bool)
-    for body in bodies(features, roof, spacing, ctx):
-        if body.outline.area < smallest or body.length >= LONG * body.width:
+    for body in bodies(features, roof, spacing, ctx.part(0.0, 0.5)):
+        if _oblong(body, smallest):
+            found[body.points] = True
+    low = roof & ~found & (features.terrain[1] <= HIGHEST)  # without the roofs that one is close to
+    for body in bodies(features, low, spacing, ctx.part(0.5, 1.0)):
+        if _oblong(body, smallest) and _has_ground_between(body, features, roof, spacing):
             found[body.points] = True
     return found
+
+
+def _oblong(body: Body, smallest: float) -> bool:
+    """Whether a body is longer than wide, or smaller than buildings."""
+    return bool(body.outline.area < smallest or body.length >= LONG * body.width)
+
+
+def _has_ground_between(body: Body, features: PointFeatures, roof: Mask, spacing: float) -> bool:
+    """Whether ground is seen between a body and the roofs that it stands close to, if any.
+
+    A lorry at a wall has it along its side. An annexe leans on the wall, and what is low of a roof
+    goes on in what is high of it.
+    """
+    reach = AROUND * features.cloud.metre
+    edge = shapely.get_coordinates(shapely.segmentize(shapely.boundary(body.outline), spacing))
+    others = roof.copy()
+    others[body.points] = False
+    to_roof, to_ground = (
+        _distances(edge, features.xyz.compress(some, axis=0), reach)
+        for some in (others, features.terrain[1] < FOOT)
+    )
+    close = np.isfinite(to_roof)
+    return not close.any() or bool((to_ground < to_roof)[close].mean() >= FREE)
 
 
 def vehicles(features: PointFeatures, some: Mask, spacing: float, ctx: Context = QUIET) -> Mask:
@@ -213,9 +241,14 @@ def standing_free(shapes: Shapes, low: Floats, metre: float) -> Floats:
     reach = AROUND * metre
     around = shapely.segmentize(shapely.boundary(shapely.buffer(shapes, reach)), metre)
     places, owner = shapely.get_coordinates(around, return_index=True)
-    low = low[may_be_near(low, places, reach), :2]
-    away = np.asarray(cKDTree(low).query(places, distance_upper_bound=reach)[0])
+    away = _distances(places, low, reach)
     return np.asarray(np.bincount(owner, np.isfinite(away)) / np.bincount(owner))
+
+
+def _distances(places: Floats, points: Floats, reach: float) -> Floats:
+    """Distance in plan from places to the nearest point; infinite where none is within reach."""
+    near = points[may_be_near(points, places, reach), :2]
+    return np.asarray(cKDTree(near).query(places, distance_upper_bound=reach)[0])
 
 
 def ground_seen(shapes: Shapes, features: PointFeatures) -> Floats:

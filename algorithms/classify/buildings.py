@@ -98,7 +98,8 @@ class ClassifyBuildings:
     class 6 up to the roof, walls and dormers as well, but neither ground nor branches above.
     Without returns planarity alone decides, and twice as much is asked for.
 
-    What is as narrow and low as vehicles and stands free is a bus, a tram, a lorry or a container.
+    What is as narrow and low as vehicles and stands free, with ground also between it and a wall
+    close by, is a bus, a tram, a lorry or a container.
     What has ground in between hides none, and is no roof; where points are sparse and `alpha` is
     not given, smaller discs part it first. Nor is what is steep, with a third of its points on no
     plane, as crowns of conifers, unless it has walls: points down to its foot, though hardly a
@@ -237,9 +238,9 @@ class ClassifyBuildings:
                 "buildings; glass lets pulses through, and greenhouses may be missing."
             )
             yield (
-                "A van or lorry close to a wall, and vehicles side by side where points are 1 m "
-                "apart or more, look like flat roofs: they may be among the buildings or be parts "
-                "of one."
+                "A van or lorry so close to a wall that no ground is seen between, and vehicles "
+                "side by side where points are 1 m apart or more, look like flat roofs: they may "
+                "be among the buildings or be parts of one."
             )
 
     def check(self) -> Iterator[tuple[str, str]]:

@@ -76,6 +76,23 @@ def test_a_lorry_beside_a_wall_goes_and_an_annexe_stays() -> None:
     assert both == pytest.approx(house + 25, rel=0.05)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_van_at_a_wall_goes_and_a_porch_stays(seed: int) -> None:
+    """The van stands 0.6 m from the wall, which is less than points of one roof may be apart.
+
+    The porch is as narrow, leans on the wall with its short side, and has ground at all others.
+    """
+    van = (12.0, 17.0, 13.2, 15.4, 2.8)
+    (alone,) = outlines(yard(HOUSE, van, seed=seed))
+    assert alone == pytest.approx(120, rel=0.05)
+    porch = (14.0, 16.4, 10.0, 16.0, 2.8)
+    (both,) = outlines(yard(HOUSE, porch, seed=seed))
+    assert both == pytest.approx(120 + 14.4, rel=0.05)
+    lean_to = (12.0, 17.0, 13.8, 16.0, 2.8)
+    (both,) = outlines(yard(HOUSE, lean_to, seed=seed))
+    assert both == pytest.approx(120 + 11, rel=0.05)
+
+
 def test_ground_between_tells_a_row_of_trams_from_a_hall() -> None:
     """At 3 points per square metre gaps of 0.8 m are not seen between neighbours."""
     row: list[Box] = [(5, 33, 10 + 3.3 * k, 12.5 + 3.3 * k, 3.5) for k in range(4)]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -31,8 +32,8 @@ def preset_scene(preset: Preset, seed: int, ctx: Context = QUIET) -> SceneData:
     inside = terrain.values.ravel()[site.covers(np.column_stack([x, y]))]
     all_strips = strips(routes, preset.flight, (float(inside.min()), float(inside.max())), rng)
     xyz, attributes = flown(site, preset.flight, all_strips, ctx)
-    swing = float(np.mean([strip.swing for strip in all_strips]))
-    return SceneData(xyz, attributes, terrain.placed(), truth(site, swing))
+    swings = list(dict.fromkeys(strip.swing for strip in all_strips))
+    return SceneData(xyz, attributes, terrain.placed(), truth(site, swings))
 
 
 def built(preset: Preset, rng: np.random.Generator) -> tuple[Site, list[Route]]:
@@ -71,31 +72,41 @@ def _moved(course: Course, step: Floats) -> Course:
 # --- truth ---------------------------------------------------------------------------------
 
 
-def truth(site: Site, swing: float = 0.0) -> Features:
-    """Wires in the survey, blown aside by an angle, where they are attached, towers, the rest."""
-    wires = [feature for wire in site.wires for feature in _wire_features(site, wire, swing)]
+def truth(site: Site, swings: Sequence[float] = (0.0,)) -> Features:
+    """Wires in the survey, blown aside by each of some angles, their attachments, and the rest."""
+    wires = [feature for wire in site.wires for feature in _wire_features(site, wire, swings)]
     crowns = site.builder.world().crowns
     trees = tree_features(site.builder.terrain, site.wires, crowns)
     return [*site.features, *wires, *site.builder.features, *trees]
 
 
-def _wire_features(site: Site, wire: Wire, swing: float) -> Features:
-    """The part of a wire that is in the survey, and its ends if they are."""
+def _wire_features(site: Site, wire: Wire, swings: Sequence[float]) -> Features:
+    """The part of a wire that is in the survey, in each position, and its ends if they are.
+
+    Parameters
+    ----------
+    swings : angles by which wind blew it aside while it was surveyed, radians
+    """
+    positions = [feature for swing in swings for feature in _position(site, wire, swing)]
+    made: Features = []
+    for end, tower in zip((wire.curve.start, wire.curve.end), wire.towers, strict=True):
+        if site.covers(np.array([end]))[0]:
+            point = shapely.Point(np.round(np.array(end) + np.array([EAST, NORTH, 0.0]), 4))
+            made.append((point, {"kind": "attachment", "tower_id": tower, **_ids(wire)}))
+    return [*positions, *made]
+
+
+def _position(site: Site, wire: Wire, swing: float) -> Features:
+    """The part of a wire, blown aside by an angle, that is in the survey; none if it is short."""
     places = wire.points(0.25, swing)
     inside = np.flatnonzero(site.covers(places))
-    ids = {"wire_id": wire.wire_id, "span_id": wire.span_id, "line": wire.line}
     curve = wire.curve
-    made: Features = []
-    for end, tower in zip((places[0], places[-1]), wire.towers, strict=True):
-        if site.covers(end[None])[0]:
-            point = shapely.Point(np.round(end + np.array([EAST, NORTH, 0.0]), 4))
-            made.append((point, {"kind": "attachment", "tower_id": tower, **ids}))
     if len(inside) < 2 or curve.span * len(inside) / len(places) < SHORTEST:
-        return made
+        return []
     properties = {
         "kind": "wire",
         "object_id": wire.owner,
-        **ids,
+        **_ids(wire),
         "classification": wire.cls,
         "from_tower": wire.towers[0],
         "to_tower": wire.towers[1],
@@ -108,4 +119,8 @@ def _wire_features(site: Site, wire: Wire, swing: float) -> Features:
         "swing": float(np.degrees(swing)),
     }
     drawn = places[[*inside[:-1:8], inside[-1]]]  # 2 m apart, and the last
-    return [(placed(drawn), properties), *made]
+    return [(placed(drawn), properties)]
+
+
+def _ids(wire: Wire) -> dict[str, Any]:
+    return {"wire_id": wire.wire_id, "span_id": wire.span_id, "line": wire.line}

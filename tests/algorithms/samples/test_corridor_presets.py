@@ -204,18 +204,30 @@ def test_strips_lie_at_different_heights() -> None:
 
 
 def test_wind_blows_wires_aside_otherwise_in_each_strip() -> None:
+    """The truth of the longest wire has its position in each strip, and the points lie there."""
     data = thin("wind", density=12.0)
-    a = data.attributes
-    longest, p = max(of(data.features, "wire"), key=lambda pair: pair[0].length)
+    a, wires = data.attributes, of(data.features, "wire")
+    _, p = max(wires, key=lambda pair: pair[0].length)
     own = (a["wire_id"] == p["wire_id"]) & (a["span_id"] == p["span_id"])
-    start, end = shapely.get_coordinates(longest)[[0, -1]]
-    along = (end - start) / np.hypot(*(end - start))
-    away = (data.xyz[own, :2] - start) @ np.array([-along[1], along[0]])
-    middle = np.abs((data.xyz[own, :2] - start) @ along / np.hypot(*(end - start)) - 0.5) < 0.2
-    strip = a["point_source_id"][own]
-    sides = [away[middle & (strip == k)].mean() for k in (1, 2)]
-    assert abs(sides[0] - sides[1]) > 0.2
-    assert abs(p["swing"]) > 5
+    same = [(q["wire_id"], q["span_id"]) == (p["wire_id"], p["span_id"]) for _, q in wires]
+    positions = [wire for wire, mine in zip(wires, same, strict=True) if mine]
+    assert len({q["swing"] for _, q in positions}) == len(positions) == 2
+    trees = [
+        cKDTree(shapely.get_coordinates(shapely.segmentize(shape, 0.1), include_z=True))
+        for shape, _ in positions
+    ]
+    middle = data.xyz[own].mean(axis=0)  # where the positions are farthest apart
+    near = own & (np.hypot(*(data.xyz[:, :2] - middle[:2]).T) < 20.0)
+    away = np.array([tree.query(data.xyz[near])[0] for tree in trees])
+    for number in (1, 2):
+        strip = away[:, a["point_source_id"][near] == number].mean(axis=1)
+        assert strip[number - 1] < 0.1
+        assert strip[2 - number] > 0.2
+
+
+def test_wires_have_one_position_in_still_air() -> None:
+    wires = [(p["wire_id"], p["span_id"]) for _, p in of(told("wood_poles"), "wire")]
+    assert len(set(wires)) == len(wires) > 0
 
 
 def test_noise_is_that_of_the_preset() -> None:

@@ -107,21 +107,23 @@ def _oblong(body: Body, smallest: float) -> bool:
 
 
 def _has_ground_between(body: Body, features: PointFeatures, roof: Mask, spacing: float) -> bool:
-    """Whether ground is seen between a body and the roofs that it stands close to, if any.
+    """Whether ground is seen between a body and the higher roofs that it stands close to, if any.
 
     A lorry at a wall has it along its side. An annexe leans on the wall, and what is low of a roof
-    goes on in what is high of it.
+    goes on in what is high of it. Of lorries side by side, which crowns may join, one taken out
+    would leave fewer places where ground is seen between (:func:`ground_seen`).
     """
     reach = AROUND * features.cloud.metre
     edge = shapely.get_coordinates(shapely.segmentize(shapely.boundary(body.outline), spacing))
-    others = roof.copy()
+    others, height = roof.copy(), features.terrain[1]
     others[body.points] = False
-    to_roof, to_ground = (
+    to_roof, to_higher, to_ground = (
         _distances(edge, features.xyz.compress(some, axis=0), reach)
-        for some in (others, features.terrain[1] < FOOT)
+        for some in (others, others & (height > HIGHEST), height < FOOT)
     )
     close = np.isfinite(to_roof)
-    return not close.any() or bool((to_ground < to_roof)[close].mean() >= FREE)
+    between = (to_ground < to_roof) & (to_higher == to_roof)
+    return not close.any() or bool(between[close].mean() >= FREE)
 
 
 def vehicles(features: PointFeatures, some: Mask, spacing: float, ctx: Context = QUIET) -> Mask:

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 from scenes.layers import cloud
-from scenes.traffic import confusion, street
+from scenes.traffic import VEHICLE, confusion, street
 
 from algorithms.classify._evidence import PointFeatures
 from algorithms.classify._vehicles import (
@@ -91,6 +91,15 @@ def test_a_van_at_a_wall_goes_and_a_porch_stays(seed: int) -> None:
     lean_to = (12.0, 17.0, 13.8, 16.0, 2.8)
     (both,) = outlines(yard(HOUSE, lean_to, seed=seed))
     assert both == pytest.approx(120 + 11, rel=0.05)
+
+
+def test_no_lorry_is_taken_out_of_a_row_that_a_crown_joins() -> None:
+    """Of the rest too little ground was seen: it became a building of 105 m2."""
+    points = street(seed=52, density=16.0)
+    truth = points["truth"] == VEHICLE
+    ground = points.with_attributes({"classification": np.where(points["truth"] == 2, 2, 1)})
+    classes = ClassifyBuildings(points=ground).run().classified["classification"]
+    assert (classes[truth] == 6).mean() < 0.01
 
 
 def test_ground_between_tells_a_row_of_trams_from_a_hall() -> None:

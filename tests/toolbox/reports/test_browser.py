@@ -231,6 +231,16 @@ def test_pages_fit_a_phone(name: str, pages: dict[str, Path], driver: Any) -> No
         assert opened.page.evaluate("document.scrollingElement.scrollWidth") <= 380
 
 
+def test_heads_of_tables_are_low_on_a_phone(pages: dict[str, Path], driver: Any) -> None:
+    """One of 53 letters in a narrow column was 11 lines high, with nothing beside it."""
+    with Opened(driver, pages["areas"], width=380) as opened:
+        lines = opened.page.evaluate(
+            "[...document.querySelectorAll('thead')].filter(one => one.offsetHeight)"
+            ".map(one => one.offsetHeight / parseFloat(getComputedStyle(one).lineHeight))"
+        )
+        assert lines and max(lines) < 6, lines
+
+
 @pytest.mark.parametrize("width", [380, 700, 1200])
 def test_the_legend_hides_nothing_of_the_map(width: int, driver: Any, tmp_path: Path) -> None:
     """It had lain over the upper right corner, where "Show all" did not help."""

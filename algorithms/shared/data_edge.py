@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from algorithms.shared.windows import closed
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
@@ -72,6 +73,4 @@ def _edge(xyz: NDArray[np.float64], cell: float, gap: float) -> tuple[Lattice, N
     lattice = Lattice.cover((*low, *high), cell)
     there = np.zeros(lattice.shape, bool)
     there[lattice.indices(*axes)] = True
-    near = distance_transform_edt(~there) <= gap
-    within = distance_transform_edt(near) > gap
-    return lattice, distance_transform_edt(within | there) <= BESIDE
+    return lattice, distance_transform_edt(closed(there, gap)) <= BESIDE

@@ -76,6 +76,28 @@ def filled(values: NDArray[Number], empty: Mask, reach: float) -> NDArray[Number
     return np.where(distance <= reach, values[..., row, col], values)
 
 
+def closed(there: Mask, reach: float) -> Mask:
+    """Which cells hold data, or lie in gaps into which no disc fits: a closing, without a rim.
+
+    Parameters
+    ----------
+    there : array of shape (rows, cols)
+    reach : radius of the disc, in cells
+
+    Examples
+    --------
+    >>> there = np.array([[1, 1, 1, 1], [1, 0, 1, 1], [1, 1, 1, 0]], bool)
+    >>> closed(there, 1.0).astype(int)
+    array([[1, 1, 1, 1],
+           [1, 1, 1, 1],
+           [1, 1, 1, 0]])
+    """
+    around = math.ceil(reach) + 1  # beyond the cells there are none
+    near = distance_transform_edt(~np.pad(there, around)) <= reach
+    inner = slice(around, -around)
+    return there | (distance_transform_edt(near) > reach)[inner, inner]
+
+
 def between(there: Mask, axis: int) -> Mask:
     """Which cells hold data, or lie between cells that do along an axis.
 

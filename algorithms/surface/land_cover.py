@@ -13,7 +13,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part, without_withheld
 from algorithms.shared.lowest import tell_of_one_cell
 from algorithms.shared.polygons import cells_within, polygons
-from algorithms.shared.windows import filled
+from algorithms.shared.windows import closed, filled
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.asprs import class_label, within_sentence
@@ -38,13 +38,14 @@ class SurfaceLandCover:
     """Give each cell the class of most of its first returns.
 
     First returns show what is seen from above: the crown of a tree, not the grass below. Of classes
-    with as many points the one with the higher number counts. Cells without points take the class
-    of the nearest one within `max_gap`. The values are the classes of LAS (2 ground, 3 to 5
-    vegetation, 6 building, 9 water), 0 for none; the table has the area of each within the extent
-    of the points. Points of class 0, never classified, take no part. The file has the colours of
-    the classes, and the file beside it that ends in .aux.xml their names, so that a GIS shows both.
+    with as many points the one with the higher number counts. The values are the classes of LAS
+    (2 ground, 3 to 5 vegetation, 6 building, 9 water), 0 for none; the table has the area of each.
+    Points of class 0, never classified, take no part. The file has the colours of the classes, and
+    the file beside it that ends in .aux.xml their names, so that a GIS shows both.
 
-    Water often swallows the pulses. With `water`, cells in it that are still empty are water.
+    Water often swallows the pulses: with `water`, cells in it without points are water. Other cells
+    without points take the class of the nearest cell in gaps between points into which no circle
+    of the radius `max_gap` fits. Wider gaps, and what lies beyond the edge of the data, stay empty.
     """
 
     points: PointCloud = source("Classified points")
@@ -53,7 +54,7 @@ class SurfaceLandCover:
     )
     cell: float = parameters.cell()
     max_gap: float = param(
-        "Leave empty what lies farther than this from any point",
+        "Radius of a circle that does not fit into gaps to fill; wider ones stay empty",
         default=2.0,
         unit="m",
         ge=0,
@@ -83,8 +84,10 @@ class SurfaceLandCover:
                 for row in rows
             ]
             return (
-                "Of the area by cells, as seen from above (crowns hide what is below them; "
-                f"outlines have other areas): {', '.join(parts)}."
+                "Of the area by cells, as seen from above (crowns and bridges hide what is below "
+                "them; outlines have other areas; cells without points are water within its "
+                "outlines, have the class beside them in narrow gaps, and do not count else): "
+                f"{', '.join(parts)}."
             )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
@@ -102,7 +105,7 @@ class SurfaceLandCover:
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> SurfaceLandCover.Outputs:
-        """Count classes by cell, and fill small gaps."""
+        """Count classes by cell, and fill water and small gaps."""
         ctx.progress(0.0)
         cloud = self.points
         classes = cloud["classification"].astype(np.int64)
@@ -125,11 +128,13 @@ class SurfaceLandCover:
         found = most_frequent(row * lattice.cols + col, classes[taken], lattice.rows * lattice.cols)
         ctx.progress(0.6)
         cover = found.reshape(lattice.shape)
-        cover = filled(cover, cover == NONE, self.max_gap / lattice.cell)
         for shape in polygons(self.water, "water") if self.water is not None else ():
             rows, cols = cells_within(shapely.force_2d(shape), lattice)
             empty = cover[rows, cols] == NONE
             cover[rows[empty], cols[empty]] = WATER
+        reach = self.max_gap / lattice.cell
+        gaps = closed(cover != NONE, reach) & (cover == NONE)
+        cover = np.where(gaps, filled(cover, cover == NONE, reach), cover)
         raster = Raster(
             cover.astype(np.uint8),
             lattice.transform,

@@ -58,12 +58,25 @@ def test_what_lies_under_a_crown_is_not_seen() -> None:
     assert SurfaceLandCover(points=points).run().cover.band().tolist() == [[5]]
 
 
-def test_small_gaps_take_the_nearest_class_and_wide_ones_stay() -> None:
-    points = cloud(at((0.5, 0.5), (9.5, 0.5)), [2, 6])
-    band = SurfaceLandCover(points=points, max_gap=2.0).run().cover.band()[0]
-    assert band[:3].tolist() == [2, 2, 2]
-    assert np.isnan(band[3:7]).all()
-    assert band[7:].tolist() == [6, 6, 6]
+def test_narrow_gaps_take_the_nearest_class_and_wide_ones_stay() -> None:
+    """A circle of the radius of 2 m fits into a gap of 5 cells, not into one of 4."""
+    places = [(x, y + 0.5) for x in (0.5, 5.5, 11.5) for y in range(9)]
+    points = cloud(at(*places), [2] * 9 + [6] * 18)
+    band = SurfaceLandCover(points=points, max_gap=2.0).run().cover.band()[4]
+    assert band[:6].tolist() == [2, 2, 2, 6, 6, 6]
+    assert np.isnan(band[6:11]).all()
+    assert band[11] == 6
+
+
+def test_nothing_is_filled_beyond_the_edge_of_the_data() -> None:
+    """Three tiles in an L: a rim of 2 m around the missing one made 7500 m2 8014."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0, 40.5, 0.5), np.arange(0, 40.5, 0.5)))
+    seen = ((x <= 20) | (y <= 20)) & ~((np.abs(x - 10) < 1.5) & (np.abs(y - 10) < 1.5))
+    places = at(*zip(x[seen].tolist(), y[seen].tolist(), strict=True))
+    found = SurfaceLandCover(points=cloud(places, [2] * len(places)), max_gap=2.0).run()
+    whole = sum(row["area_m2"] for row in found.areas.rows())
+    assert whole == pytest.approx(40 * 40 - 20 * 20, abs=25), "and half a cell at its border"
+    assert found.cover.band()[10, 10] == 2, "a hole of 3 m in the data"
 
 
 def test_empty_cells_in_water_are_water_and_bridges_over_it_stay() -> None:
@@ -74,6 +87,15 @@ def test_empty_cells_in_water_are_water_and_bridges_over_it_stay() -> None:
     found = SurfaceLandCover(points=points, water=water, max_gap=0.0).run()
     assert found.cover.band()[0].tolist() == [2, 2, *[9] * 5, 17, *[9] * 6, 2]
     assert {row["name"]: row["area_m2"] for row in found.areas.rows()}["Water"] == 11
+
+
+def test_water_without_returns_does_not_take_the_class_of_its_shore() -> None:
+    """A canal of 6 m lost 2 m on each side: 528 cells of one survey were ground and trees."""
+    points = cloud(at((0.5, 0.5), (1.5, 0.5), (8.5, 0.5)), [2, 5, 2])
+    canal = shapely.box(WEST + 2, NORTH - 1, WEST + 8, NORTH)
+    water = Vector(geopandas.GeoDataFrame(geometry=[canal], crs=points.crs))
+    found = SurfaceLandCover(points=points, water=water, max_gap=2.0).run()
+    assert found.cover.band()[0].tolist() == [2, 5, *[9] * 6, 2]
 
 
 def test_water_must_have_the_crs_of_the_points() -> None:

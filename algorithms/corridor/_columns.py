@@ -38,7 +38,12 @@ OBJECTS = {
     "sd": Column("Standard deviation", "m", 2, never_zero=True),
     "probability": Column("Probability that the rule is broken", "%", 0, 100.0),
     "falls": Column("Gap to the wire when it falls (below 0: beyond it)", "m", 1),
-    "height": Column("Height above the ground", "m", 1),
+    "height": Column(
+        "Height above the ground",
+        "m",
+        1,
+        meaning="Of its highest listed point: outside of what is listed a plant may be higher",
+    ),
     "state": Column("State of the wires"),
     "as_surveyed": Column(
         "Of this severity also as surveyed",
@@ -51,6 +56,10 @@ OBJECTS = {
         "Clearance as surveyed", "m", 2, meaning="From the same wire; empty where the rule has none"
     ),
     "may_be_wire": Column("Shape of a wire"),
+    "may_touch": Column(
+        "May touch the wire",
+        meaning="Points on the wire count as of it, so no smaller distance than told can be seen",
+    ),
     "points": Column("Points"),
     "elevation": Column("Elevation", "unit", 2),
 }
@@ -70,7 +79,9 @@ SPANS = {
     "state": Column("State of the wires"),
     "from_tower": Column("From tower (0: end of the data)"),
     "to_tower": Column("To tower (0: end of the data)"),
-    "conductors": Column("Conductors found", "", 0),
+    "conductors": Column(
+        "Conductors found", "", 0, meaning="Earth wires count as well, and a bundle as one"
+    ),
     "expected": Column("Conductors in neighbouring spans", "", 0),
     "seen_share": Column("Seen of the conductor seen least", "%", 0, 100.0),
     "wire_like": Column("Wire-like points beside it", "m", 0),
@@ -228,12 +239,17 @@ TOWERS = {
     "tower_id": Column("Tower"),
     "kind": Column("Kind"),
     "height": Column("Height", "m", 1),
-    "top": Column("Elevation of the top", "m", 2),
+    "top": Column(
+        "Elevation of the top",
+        "m",
+        2,
+        meaning="Of its highest point, but for one or two a metre or more above all others: birds",
+    ),
     "elevation": Column("Elevation", "unit", 2),
-    "low_wire": Column("Lowest wire", "m", 2),
-    "high_wire": Column("Highest wire", "m", 2),
-    "azimuth": Column("Azimuth", "°", 0),
-    "width": Column("Width", "m", 1),
+    "low_wire": Column("Lowest wire", "m", 2, meaning="Elevation of the lowest end of a wire"),
+    "high_wire": Column("Highest wire", "m", 2, meaning="Elevation of the highest end of a wire"),
+    "azimuth": Column("Azimuth", "°", 0, meaning="Of the arms, clockwise from grid north"),
+    "width": Column("Width", "m", 1, meaning="Of the body just below the arms"),
     "arms": Column("Between the outermost wires", "m", 1),
     "string": Column(
         "Length of strings",

@@ -553,7 +553,9 @@ class CorridorClearance:
         clumps = clumps_of(surroundings, objects, gap=metric.object_gap)
         ranks = rank_as_surveyed(surroundings, line, rules, found, objects, reach=reach)
         layer, unsure = apart(
-            object_layer(cloud, surroundings, line, rules, objects, clumps, like, ranks)
+            object_layer(
+                cloud, surroundings, line, rules, objects, clumps, like, ranks, metric.wire_radius
+            )
         )
         missing = section(texts_of(metric.wires, like))
         page = report_of(

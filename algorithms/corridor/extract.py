@@ -145,7 +145,9 @@ class CorridorExtract:
         warn_of_missed(wires)
         warn_of_swung(line.wires)
         warn_of_left_out([*corridor.left_out, *corridor.tied], points.origin, cloud.metre)
-        towers = tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs)
+        towers = tower_layer(
+            line.towers, line.wires, line.strings, points.origin, cloud.metre, cloud.crs
+        )
         warn_of_unseen_supports(towers)
         warn_of_unsure_places(towers)
         warn_of_bodiless_supports(towers)

@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.corridor._clearance.counted import ZONE_COLUMNS
-from algorithms.corridor._clearance.distances import Least, Violations, distances
+from algorithms.corridor._clearance.distances import UNCLASSIFIED, Least, Violations, distances
 from algorithms.corridor._clearance.missed import SPAN_COLUMNS as MISSED_COLUMNS
 from algorithms.corridor._clearance.missed import WireLike
 from algorithms.corridor._clearance.objects import FALLING
@@ -86,6 +86,7 @@ OBJECT_COLUMNS = (
     "height",
     "points",
     "may_be_wire",
+    "may_touch",
     "confirmed",
     "source",
 )
@@ -134,12 +135,14 @@ def object_layer(
     clumps: Sequence[int],
     like: WireLike,
     ranks: Ints,
+    wire_radius: float,
 ) -> Vector:
     """Vector layer of the objects: one point per object, where it is closest to the wire.
 
     Parameters
     ----------
     ranks : how severe points are with the wires as surveyed, see `rank_as_surveyed`
+    wire_radius : metres, see `may_touch`
     """
     rows: list[dict[str, Any]] = []
     for number, (one, clump) in enumerate(zip(objects, clumps, strict=True), start=1):
@@ -177,6 +180,7 @@ def object_layer(
                 "height": one.height,
                 "points": len(one.points),
                 "may_be_wire": like.holds(one),
+                "may_touch": may_touch(one, surroundings, line, wire_radius),
                 "confirmed": rule.confirmed,
                 "source": rule.source if ruled else rule.note,
             }
@@ -184,6 +188,20 @@ def object_layer(
     places = shapely.points(cloud.xyz[surroundings.index[[one.nearest for one in objects]]])
     frame = geopandas.GeoDataFrame(rows, columns=OBJECT_COLUMNS, geometry=places, crs=cloud.crs)
     return Vector(frame, geometry_type="Point Z")
+
+
+def may_touch(
+    one: Object, surroundings: Surroundings, line: LineStates, wire_radius: float
+) -> bool:
+    """Whether nothing that is farther from its wire than that parts an object from touching it.
+
+    Points on a wire count as of it, whatever they are of: those without a class up to
+    `wire_radius`, in metres, from it; others are within that, too. Where none is left in between,
+    the next point of an object without a class may be as far away again.
+    """
+    point = surroundings.xyz[[one.nearest]]
+    space = distances(point, line.curves[0][one.wire])[0, 0]
+    return bool(space <= wire_radius * (2 if one.kind == KINDS[UNCLASSIFIED] else 1))
 
 
 def apart(layer: Vector) -> tuple[Vector, Vector]:

@@ -24,6 +24,7 @@ from algorithms.corridor._clearance.rules import (
     NO_RULE,
     OBJECTS,
     SEVERITIES,
+    SURFACES,
     UNSURE,
     Rule,
     has_annex,
@@ -92,6 +93,7 @@ LISTED = (
     "height",
     "points",
     "may_be_wire",
+    "may_touch",
 )
 LIST_CAPTION = (
     "Each object stands where it is closest to a wire. The clearance at other temperatures is that "
@@ -110,8 +112,8 @@ SPAN_CAPTION = (
     "For each span and state of the wires: the least distances in space to what is near the wires "
     "in plan. Clearance is that to the nearest object; at other temperatures, see Temperature of "
     "the wires. The swing is empty where the wires sag too little to tell. A bundle counts as one "
-    "conductor, and so do two positions of one that wind swung between flights. Wire-like points "
-    "have the shape of a wire, and are none"
+    "conductor, and so do an earth wire, and two positions of a wire that wind swung between "
+    "flights. Wire-like points have the shape of a wire, and are none"
 )
 KIND_CAPTION = (
     "For each kind of object: its least distance in space from a wire, of what is near the wires "
@@ -215,6 +217,7 @@ def _unseen(
         return ["Anything: no wire was found, so no distance was measured."]
     unruled = _unruled(coverage)
     told = [f"No rule holds for: {', '.join(unruled)}."] if unruled else []
+    told += _unnamed(surroundings)
     told += [
         f"{why}: {count} points."
         for why, count in surroundings.left_out.items()
@@ -225,6 +228,18 @@ def _unseen(
         spans = ", ".join(map(str, line.open_spans))
         told.append(f"Spans that go on beyond the data: {spans}.")
     return told
+
+
+def _unnamed(surroundings: Surroundings) -> list[str]:
+    """Of what lies on the ground, the kinds that no point has the class of."""
+    seen = {KINDS[number] for number in np.unique(surroundings.kind[surroundings.kind >= 0])}
+    missing = [kind for kind in SURFACES if kind not in seen]
+    if not missing:
+        return []
+    return [
+        f"No point near the wires has the class of: {', '.join(missing)}. What there is of it was "
+        "held to the rules for the class that its points have."
+    ]
 
 
 def _unruled(coverage: Coverage) -> list[str]:
@@ -254,7 +269,12 @@ def _summary(
     near = [one for one, word in zip(objects, severities, strict=True) if word in BROKEN]
     told = [_too_near(line, rules, near, coverage)]
     told.append(_worst_when(line.states[near[0].state], listed.iloc[0]) if near else "")
-    told += [_in_clumps(listed), _only_moved(listed), _least_of_kinds(line, least)]
+    told += [
+        _in_clumps(listed),
+        _touching(listed),
+        _only_moved(listed),
+        _least_of_kinds(line, least),
+    ]
     told.append(f"Further trees that reach a wire if they fall: {falling}." if falling else "")
     told.append(f"Trees that will be too near when they have grown: {watched}." if watched else "")
     told.append(f"Objects that are near and have no rule: {unruled}." if unruled else "")
@@ -375,6 +395,17 @@ def too_high(rules: Sequence[Rule], line: LineStates, crs: CRS | None) -> str:
 def _distances(rules: Sequence[Rule]) -> str:
     """Kinds and distances of rules, without those that only let trees grow."""
     return ", ".join(f"{r.kind} {r.threshold:.4g} m" for r in rules if r.severity != "watch")
+
+
+def _touching(listed: pd.DataFrame) -> str:
+    """How many objects may touch a wire as surveyed; "" for none."""
+    count = int(listed["may_touch"].sum())
+    if not count:
+        return ""
+    return (
+        f"Objects that may touch a wire as surveyed: {count}; points on a wire count as of it, so "
+        "that no smaller distance can be seen than that to the next point beside it."
+    )
 
 
 def _in_clumps(listed: pd.DataFrame) -> str:

@@ -254,6 +254,7 @@ def disagreement_of(values: Floats, sigmas: Floats) -> float:
 
 def tower_layer(
     towers: Sequence[Tower],
+    wires: Sequence[Wire],
     strings: Sequence[float],
     origin: Floats,
     metre: float,
@@ -261,8 +262,10 @@ def tower_layer(
 ) -> Vector:
     """Vector layer with one point per tower or pole, at its foot."""
     rows, points = [], []
+    held = _held(wires)
     for number, (tower, string) in enumerate(zip(towers, strings, strict=True)):
         support = tower.support
+        ends = held.get(number, [support.low, support.high])
         azimuth = math.degrees(math.atan2(*support.across)) % 180
         rows.append(
             {
@@ -270,8 +273,8 @@ def tower_layer(
                 "kind": "tower" if tower.lattice else "pole",
                 "height": tower.top - support.ground,
                 "top": origin[2] + metre * tower.top,
-                "low_wire": origin[2] + metre * support.low,
-                "high_wire": origin[2] + metre * support.high,
+                "low_wire": origin[2] + metre * min(ends),
+                "high_wire": origin[2] + metre * max(ends),
                 "azimuth": azimuth,
                 "width": 2 * tower.width,
                 "arms": support.reach[1] - support.reach[0],
@@ -285,6 +288,16 @@ def tower_layer(
         foot = np.array([support.x, support.y, support.ground]) * metre + origin
         points.append(shapely.Point(foot))
     return _layer(rows, points, TOWER_COLUMNS, crs, "Point Z")
+
+
+def _held(wires: Sequence[Wire]) -> dict[int, list[float]]:
+    """Heights of the ends of wires at each tower, by its number from 0."""
+    held: dict[int, list[float]] = {}
+    for wire in wires:
+        heights = (wire.curve.z_start, wire.curve.z_end)
+        for number, height in zip(wire.supports, heights, strict=True):
+            held.setdefault(number, []).append(height)
+    return held
 
 
 def _layer(

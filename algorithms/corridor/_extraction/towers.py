@@ -259,8 +259,13 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
 
 
 def top_of(z: Floats) -> float:
-    """Height that three points of a tower reach, or all of fewer: one or two may be a bird."""
-    return float(np.sort(z)[-3:][0])
+    """Height of the highest point of a tower, but for one or two far above all others: birds.
+
+    The tip of a peak holds no more points than a bird, but no gap is below it.
+    """
+    highest = np.sort(z)[-3:]
+    apart = np.diff(highest) > SETTINGS.points.company_side / 2
+    return float(highest[apart.argmax() if apart.any() else -1])
 
 
 def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Floats, Floats]:

@@ -397,6 +397,46 @@ def test_trees_alone_are_no_wires(caplog: pytest.LogCaptureFixture) -> None:
     assert found["report"].sections[0].title != "Wires that may be missing"
 
 
+@pytest.mark.parametrize(
+    ("kind", "away", "told"),
+    [(5, 0.3, True), (5, 0.6, False), (26, 0.3, True), (1, 0.6, True), (1, 1.1, False)],
+)
+def test_what_is_as_near_as_points_of_the_wire_may_touch_it(
+    kind: int, away: float, told: bool
+) -> None:
+    """A tree in the wire was told to be 0.22 m away: all that is nearer is labelled as wire."""
+    tree = np.vstack([LEVEL.points(np.full(20, 150.0)) - (0, away, 0)] * 2)
+    tree[:, 1] -= np.repeat(np.linspace(0, 1, 20), 2)
+    found = run(cloud(tree, kind), distance=5.0, free_air=0.0, min_object_height=0.0, falling=False)
+    assert found["objects"].frame.may_touch.tolist() == [told]
+    assert ("Objects that may touch a wire as surveyed: 1;" in found["report"].summary) == told
+
+
+def test_kinds_that_no_point_has_the_class_of_are_told() -> None:
+    """No road was too close, as nothing said where roads are."""
+    told = "No point near the wires has the class of: water, rail. What"
+    ground, road = [(150.0, 4.0, 0.0)], [(150.0, 5.0, 0.0)]
+    found = run(cloud([*ground, *road], [2, 11]), rules="en_50341", voltage=220.0)
+    assert [told in text for text in found["report"].head.unseen].count(True) == 1
+
+
+def test_trees_of_high_voltage_are_taken_for_such_that_can_be_climbed() -> None:
+    """At 110 kV less had been asked for than at 20 kV."""
+    asked = []
+    for voltage in (20.0, 110.0, 220.0, 380.0):
+        tree = np.vstack([LEVEL.points(np.full(5, 150.0)) - (0, 0.9, 0)] * 2)
+        found = run(
+            cloud(tree, 5),
+            rules="en_50341",
+            voltage=voltage,
+            free_air=0.0,
+            min_object_height=0.0,
+            falling=False,
+        )
+        asked += found["objects"].frame.required.tolist()
+    assert asked == [2.1, 2.5, 3.2, 4.3]
+
+
 def test_what_the_layer_of_wires_lacks_is_in_table_and_report() -> None:
     """Span 2 has fewer conductors than its neighbours, and was seen along a half."""
     wires = layer(LEVEL, replace(LEVEL, y=40.0))

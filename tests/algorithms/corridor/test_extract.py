@@ -417,6 +417,11 @@ def test_the_feet_of_a_slim_lattice_tower_are_its_own() -> None:
     points = cloud(GROUND, *wires, arms, *legs, classes=[2, *[14] * 3, 0, *[15] * 8])
     result = CorridorExtract(points=points).run()
     assert list(result.towers.frame.kind) == ["tower", "tower"]
+    wires = result.wires.frame
+    for tower in result.towers.frame.itertuples():  # it was where wires had been followed to
+        ends = [*wires.z_start[wires.from_tower == tower.tower_id]]
+        ends += [*wires.z_end[wires.to_tower == tower.tower_id]]
+        assert (tower.low_wire, tower.high_wire) == pytest.approx((min(ends), max(ends)))
     assert np.mean(result.classified["classification"][points["truth"] == 15] == 15) > 0.95
 
 

@@ -101,10 +101,14 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
             "3 nokta gürültü sayıldı: 2 alçak, 1 yüksek.",
         ),
         (
-            "Of the area by cells, as seen from above (crowns hide what is below them; outlines "
-            "have other areas): ground 80.3 %, bridge deck 0.5 %.",
-            "Hücrelere göre, yukarıdan görüldüğü gibi alan (taçlar altlarındakini gizler; "
-            "sınırların alanları başkadır): zemin 80.3 %, köprü tabliyesi 0.5 %.",
+            "Of the area by cells, as seen from above (crowns and bridges hide what is below them; "
+            "outlines have other areas; cells without points are water within its outlines, have "
+            "the class beside them in narrow gaps, and do not count else): ground 80.3 %, bridge "
+            "deck 0.5 %.",
+            "Hücrelere göre, yukarıdan görüldüğü gibi alan (taçlar ve köprüler altlarındakini "
+            "gizler; sınırların alanları başkadır; noktasız hücreler suyun sınırları içinde sudur, "
+            "dar boşluklarda yanlarındaki sınıfı alır, yoksa sayılmaz): zemin 80.3 %, köprü "
+            "tabliyesi 0.5 %.",
         ),
         (
             "One water body of 455 m² in all, 13 m² more or less; its level is 116.799 m, ± 0.001 "

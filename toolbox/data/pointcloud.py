@@ -257,6 +257,7 @@ class PointCloud(Layer):
             raise DataError("there are no clouds to join")
         if len(given) == 1:
             return given[0]
+        joining.warn_of_clocks(given, lambda: [cloud for cloud in given if len(cloud)])
         empty = cls.template([cloud.select([]) for cloud in given], lambda: joining.boxes_of(given))
         return empty.filled((cloud.like(empty) for cloud in given), sum(map(len, given)))
 

@@ -16,6 +16,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import vpc
+from toolbox.data.cloud.joining import warn_of_clocks
 from toolbox.data.crs import assumed, crs_conflicts, crs_of, metres_per_unit
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
@@ -425,7 +426,9 @@ class Survey(Layer):
         ``survey.files[i].read(start, stop).like(survey.template)`` is, bit for bit, that piece of
         what `PointCloud.open` makes of the survey.
         """
-        made = PointCloud.template([_empty(file) for file in self.files], self._boxes)
+        shells = [_empty(file) for file in self.files]
+        warn_of_clocks(shells, lambda: [file.read(0, 1) for file in self.files if file.count])
+        made = PointCloud.template(shells, self._boxes)
         return made.with_extent(self.bounds)
 
     def _boxes(self) -> list[Box]:

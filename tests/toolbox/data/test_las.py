@@ -16,7 +16,7 @@ import pytest
 from laspy.vlrs.vlrlist import VLRList
 
 from toolbox.context import Context
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import LOCALS, parse_crs, same_crs
 from toolbox.data.las import read as las
 from toolbox.data.las.crs import crs_vlrs, read_crs
@@ -626,6 +626,27 @@ def test_no_point_format_may_hold_all_attributes() -> None:
     assert both.crs == crs
 
 
+def test_times_too_large_for_a_week_are_no_times_of_another_day(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Tiles of one flight, two of which call their standard times seconds of the week."""
+    members = [plain(6, clock=clock, gps_time=[306_234_562.0] * 3) for clock in (1, 0, 0)]
+    for number, cloud in enumerate(members):
+        cloud.save(tmp_path / f"{number}.las")
+    wanted = (
+        "1 more files: the header calls GPS times seconds of the week, for which they are too "
+        "large: they count as standard times"
+    )
+    for join in (
+        lambda: PointCloud.concat(members),
+        lambda: Survey.open(sorted(tmp_path.glob("*.las"))).template,
+    ):
+        caplog.clear()
+        join()
+        assert wanted in caplog.text
+        assert "another day" not in caplog.text
+
+
 def test_what_joining_does_not_keep_is_told(caplog: pytest.LogCaptureFixture) -> None:
     PointCloud.concat([plain(1), plain(3), plain(3)])
     assert "format1.las: has no red, green, blue; 0 is written there" in caplog.text
@@ -633,7 +654,7 @@ def test_what_joining_does_not_keep_is_told(caplog: pytest.LogCaptureFixture) ->
     PointCloud.concat([plain(6), plain(1)])
     assert not caplog.text  # flags that the older format does not know
     PointCloud.concat([plain(1), plain(1, clock=1), plain(3, clock=1)])
-    assert "format1.las and 1 more files: its GPS times count from another day" in caplog.text
+    assert "format1.las and 1 more files: GPS times count from another day" in caplog.text
     caplog.clear()
     PointCloud.concat([plain(1), plain(1, offsets=[0.005, 0, 0])])
     assert "format1.las: coordinates are rounded by up to half a step" in caplog.text

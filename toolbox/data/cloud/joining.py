@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from toolbox.context import log
 from toolbox.data.cloud.arrays import frozen, plain
 from toolbox.data.crs import crs_conflicts
-from toolbox.data.las.joint import in_layout, joint_metadata
-from toolbox.data.las.points import Box, box_of
+from toolbox.data.las.joint import in_layout, joint_metadata, named
+from toolbox.data.las.points import WEEK, Box, box_of
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -94,6 +94,42 @@ def boxes_of(clouds: Sequence[PointCloud]) -> list[Box]:
         for cloud in clouds
         if cloud._metadata is not None and cloud._packed is not None and len(cloud)
     ]
+
+
+def warn_of_clocks(clouds: Sequence[PointCloud], some: Callable[[], Sequence[PointCloud]]) -> None:
+    """Tell of GPS times that count from another day than those of the first cloud, or seem to.
+
+    Parameters
+    ----------
+    clouds : all that will be joined, with or without their points
+    some : gives a few points of each that has any; asked if headers differ
+    """
+    if len(set(filter(None, map(_clock, clouds)))) < 2:
+        return
+    first, other, wrong = "", [], []
+    for cloud in some():
+        clock = _clock(cloud)
+        if clock == "week" and (np.abs(cloud["gps_time"]) > WEEK).any():
+            clock = "standard"
+            wrong.append(cloud.name)
+        first = first or clock
+        if clock and clock != first:
+            other.append(cloud.name)
+    if other:
+        log.warning("%s: GPS times count from another day than those of the first", named(other))
+    if wrong:
+        log.warning(
+            "%s: the header calls GPS times seconds of the week, for which they are too large: "
+            "they count as standard times",
+            named(wrong),
+        )
+
+
+def _clock(cloud: PointCloud) -> str:
+    """What GPS times are as the header says: standard, of the week, or "" without any."""
+    if cloud._metadata is None or "gps_time" not in cloud:
+        return ""
+    return "standard" if cloud._metadata.header.global_encoding.gps_time_type else "week"
 
 
 def _check_same_attributes(clouds: Sequence[PointCloud], names: Iterable[str]) -> None:

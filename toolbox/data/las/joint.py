@@ -235,8 +235,18 @@ def _warn(
 ) -> None:
     """Log what is lost or filled in by joining, once for all files concerned."""
     for text, files in _differences(members, names, joint, covered):
-        more = f" and {len(files) - 1} more files" if len(files) > 1 else ""
-        log.warning("%s%s: %s", files[0], more, text)
+        log.warning("%s: %s", named(files), text)
+
+
+def named(files: Sequence[str]) -> str:
+    """The name of the first of some files, and how many more there are.
+
+    Examples
+    --------
+    >>> named(["a.laz", "b.laz", "c.laz"])
+    'a.laz and 2 more files'
+    """
+    return files[0] + (f" and {len(files) - 1} more files" if len(files) > 1 else "")
 
 
 def _differences(
@@ -256,9 +266,6 @@ def _differences(
         if not _whole(metadata, joint):
             text = "coordinates are rounded by up to half a step of the joint scale"
             found.setdefault(text, []).append(file)
-        if not _same_clock(metadata, first):
-            text = "its GPS times count from another day than those of the first file"
-            found.setdefault(text, []).append(file)
         if not _same_packets(metadata, first):
             text = "its waveform packets are not kept, only those of the first file"
             found.setdefault(text, []).append(file)
@@ -271,13 +278,6 @@ def _same_packets(metadata: LasMetadata, first: LasMetadata) -> bool:
         return metadata.packets == first.packets
     own, other = metadata.waveform, first.waveform
     return own is None or bool(other and own.data == other.data)
-
-
-def _same_clock(a: LasMetadata, b: LasMetadata) -> bool:
-    """Whether two files use the same kind of GPS time, or one has none."""
-    if not ("gps_time" in a.names and "gps_time" in b.names):
-        return True
-    return bool(a.header.global_encoding.gps_time_type == b.header.global_encoding.gps_time_type)
 
 
 def _whole(metadata: LasMetadata, joint: LasMetadata) -> bool:

@@ -47,7 +47,7 @@ MIXED_WAVEFORMS = "lazrs does not keep the wave packets of several scanner chann
 MOST_INTENSE = 65_535  # intensity of LAS, of 16 bits
 LEAST_RANGE = 100  # of intensities that may be rounded: a hundredth of it is as much as is lost
 SCAN_ANGLE = 0.006  # degrees per step of scan_angle in point formats 6-10
-_WEEK = 604_800  # seconds; larger GPS times are not times of the week
+WEEK = 604_800  # seconds; larger GPS times are not times of the week
 
 
 def coordinates(header: LasHeader, packed: Array) -> NDArray[np.float64]:
@@ -148,7 +148,7 @@ def new_metadata(
         header.scales, header.offsets = map(np.array, steps)
     header.offsets[~np.isfinite(header.offsets)] = 0  # refused with the coordinates
     times = columns.get("gps_time")
-    absolute = times is not None and len(times) > 0 and np.nanmax(times) > _WEEK
+    absolute = times is not None and len(times) > 0 and np.nanmax(times) > WEEK
     header.global_encoding.wkt, header.global_encoding.gps_time_type = True, int(absolute)
     points = PackedPointRecord.zeros(len(xyz), header.point_format)
     if "return_number" not in columns and "number_of_returns" not in columns:

@@ -287,8 +287,7 @@ class ShorelineExtract:
                 f"{name_of(cells, one)}, level {in_unit(cells, one.level.height)}" for one in rest
             ]
             log.warning(
-                "points: %d other water bodies were found, which are given apart and do not "
-                "count in area and level: %s",
+                "points: other water bodies: %d, given apart; they do not count in area and level: %s",
                 len(rest),
                 some_of(names),
             )

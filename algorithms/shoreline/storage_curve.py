@@ -227,7 +227,7 @@ class ShorelineStorageCurve:
             label="Volume below the lower end of the rim",
         )
         spill_point: Vector = sink(
-            "Where it does, a point at that level",
+            "Where the lake runs over its rim, a point at that level",
             label="Spill point",
             columns={
                 "level": Column("Level of the rim", "unit", 3),

@@ -130,8 +130,8 @@ def test_a_pond_at_the_same_level_is_another_body(caplog: pytest.LogCaptureFixtu
     lake_alone = extract(cloud)
     assert iou(only(lake_alone).geometry, CIRCLE) > 0.98
     told = (
-        "1 other water bodies were found, which are given apart and do not count in area and "
-        "level: water body 2 ("
+        "points: other water bodies: 1, given apart; they do not count in area and level: "
+        "water body 2 ("
     )
     (warning,) = [one.getMessage() for one in caplog.records if told in one.getMessage()]
     assert "seed_point" not in warning, "it goes into papers of people who run nothing"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.ground import may_be_ground, taking_part
 from algorithms.shared.lowest import blocks, require_finite
+from algorithms.shared.selection import of_classes
 from algorithms.shared.strips import strips_of
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey
@@ -18,6 +19,7 @@ from toolbox.errors import DataError
 
 BATCH = 2_000_000  # points that are read at a time
 FOR_STEP = 100_000  # heights that tell to what they are rounded
+DECKS = (17, 26)  # bridge decks of LAS 1.4, and bridges, quays and the like of Dutch surveys
 UNIT = 1e-4  # of coordinates, in the unit of the data: 32 bits reach 200 km
 
 Floats = NDArray[np.float64]
@@ -35,6 +37,7 @@ class Returns:
     strip : array of shape (n,), the flight line of each point, zeros where it is not known
     origin : array of shape (3,)
     metre : length of one metre in the unit of the data
+    decks : array of shape (k, 2), points of bridges and the like, whatever they return
     """
 
     packed: NDArray[np.int32]
@@ -43,6 +46,7 @@ class Returns:
     strip: NDArray[np.uint16]
     origin: Floats
     metre: float
+    decks: Floats
 
     def __len__(self) -> int:
         return len(self.packed)
@@ -86,6 +90,7 @@ class Returns:
         count = len(points) if isinstance(points, PointCloud) else points.count
         packed, intensity = np.empty((count, 3), np.int32), np.empty(count, np.float32)
         water, strip, size = np.zeros(count, bool), np.zeros(count, np.uint16), 0
+        decks = [np.empty((0, 2))]
         parts = [points] if isinstance(points, PointCloud) else points.batches(BATCH, ctx=ctx)
         for cloud in parts:
             use = may_be_ground(cloud, "last") & taking_part(cloud, ignore)
@@ -96,6 +101,9 @@ class Returns:
             if water_classes:
                 water[here] = np.isin(cloud["classification"][use], water_classes)
             size = here.stop
+            if "classification" in cloud:
+                decks.append(cloud.xyz[of_classes(cloud["classification"], DECKS), :2])
         ctx.progress(1.0)
         metre = points.metre
-        return cls(packed[:size], intensity[:size], water[:size], strip[:size], origin, metre)
+        some = (packed[:size], intensity[:size], water[:size], strip[:size])
+        return cls(*some, origin, metre, np.concatenate(decks))

@@ -737,7 +737,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         if rise := _hidden(cells, one):
             log.warning(
-                "points: nothing came back from %s, and half of its rim is %.1f m or more "
+                "points: too little came back from %s to tell its level, and half of its rim is %.1f m or more "
                 "above its level: it may be a gap of the data, or its shore lies below crowns. Its "
                 "interval holds levels that are as far below",
                 name_of(cells, one),
@@ -756,8 +756,8 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         if off := _off_banks(cells, one):
             log.warning(
-                "points: nothing came back from %s, and the banks along a tenth of it or more "
-                "tell levels that are %.2f m off the one it was given: pools above rapids or "
+                "points: too little came back from %s to tell its level, and the banks along a "
+                "tenth of it or more tell levels that are %.2f m off the one it was given: pools above rapids or "
                 "weirs, or walls, cliffs or crowns along a part of it. Its interval holds both",
                 name_of(cells, one),
                 off / metre,

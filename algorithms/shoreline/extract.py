@@ -150,6 +150,12 @@ class ShorelineExtract:
             unit="m",
             label="Detail of the outlines",
         )
+        least_area: float = sink("Area of the smallest body that was looked for", unit="m2")
+        narrowest: float | None = sink(
+            "Width below which waters may be missing, as creeks and ditches",
+            unit="m",
+            label="Narrowest water",
+        )
 
         def in_words(self) -> str:
             """How many bodies, their area and level."""
@@ -197,8 +203,15 @@ class ShorelineExtract:
             return NINETY_FIVE * float(np.linalg.norm(self.water.frame["area_error"]))
 
         def not_looked_at(self) -> Iterator[str]:
-            """Shores that crowns and bridges hide, and parts of outlines that are no shore."""
+            """Small waters, hidden shores, and parts of outlines that are no shore."""
             lengths = unit_of_lengths(self.water.crs)
+            small = f"{self.least_area:.0f} m²{own_unit(self.least_area, lengths, 2)}"
+            if self.narrowest is not None:
+                yield (
+                    f"Waters of less than {small}, as pieces of a canal between bridges and pools, "
+                    f"are not looked for; those narrower than {self.narrowest:.1f} m"
+                    f"{own_unit(self.narrowest, lengths)}, as creeks and ditches, may be missing"
+                )
             if hidden := float(self.water.frame["hidden_area"].sum()) if self.count else 0.0:
                 yield (
                     f"Shores below crowns: {hidden:.0f} m²{own_unit(hidden, lengths, 2)} beside "
@@ -233,14 +246,15 @@ class ShorelineExtract:
     def run(self, ctx: Context = QUIET) -> ShorelineExtract.Outputs:
         """Find the bodies, choose among them and draw them."""
         # of which a model that looks for no water has no need
-        from algorithms.shoreline._outline import detail_of, draw
+        from algorithms.shoreline._decks import decks, decks_in_words
+        from algorithms.shoreline._outline import draw
         from algorithms.shoreline._returns import Returns
         from algorithms.shoreline._water import find_water
 
         points = Returns.of(self.points, self.ignore, self.water_classes, ctx.part(0.0, 0.3))
         if not len(points):
             log.warning("points: there are none, and no water")
-            return self._packed([], [], None)
+            return self._packed([], [])
         cells, water = find_water(
             points,
             self.min_area,
@@ -254,7 +268,13 @@ class ShorelineExtract:
         others = draw(points, cells, water, rest, *how, ctx.part(0.9, 1.0)) if rest else []
         others = [replace(one, number=one.number + len(outlines)) for one in others]
         self._tell(cells, outlines, others)
-        return self._packed(outlines, others, detail_of(cells))
+        if found := list(decks(points.decks, outlines, cells)):
+            log.warning(
+                "outlines of water end at bridges, quays and the like (classes 17 and 26), below "
+                "which water may go on that is in no area, and a terrain may stand out of it: %s",
+                decks_in_words(found, cells.metre),
+            )
+        return self._packed(outlines, others, cells)
 
     def _chosen(self, cells: CellGrid, water: Sequence[Water]) -> list[int]:
         """Indices of the bodies to give out."""
@@ -302,8 +322,11 @@ class ShorelineExtract:
             log.warning("%s", text)
 
     def _packed(
-        self, outlines: Sequence[Outline], others: Sequence[Outline], detail: float | None
+        self, outlines: Sequence[Outline], others: Sequence[Outline], cells: CellGrid | None = None
     ) -> ShorelineExtract.Outputs:
+        from algorithms.shoreline._outline import detail_of
+        from algorithms.shoreline._water import NARROW
+
         crs = self.points.crs
         polygons = [feature for o in outlines for feature in o.rows()]
         lines = [feature for o in outlines for feature in o.lines()]
@@ -320,7 +343,9 @@ class ShorelineExtract:
             level_interval=first.interval if first else None,
             area=sum(shape.area for shape, _ in polygons),
             count=len(outlines),
-            detail=detail,
+            detail=detail_of(cells) if cells else None,
+            least_area=self.min_area,
+            narrowest=NARROW * cells.lattice.cell if cells else None,
         )
 
 

@@ -114,7 +114,34 @@ def test_the_log_has_the_numbers_and_areas_of_the_table(caplog: pytest.LogCaptur
 def test_what_bridges_hide_is_told_where_there_is_water() -> None:
     """A set gave outlines 5 m short of a quay, as crowns hung over a canal, and did not say so."""
     assert any("below bridges" in text for text in extract(lake()).not_looked_at())
-    assert not list(extract(hillside(0, 0.06)).not_looked_at())
+    assert not any("bridges, decks" in text for text in extract(hillside(0, 0.06)).not_looked_at())
+
+
+def test_the_least_area_and_width_of_waters_are_told_whether_any_is_found() -> None:
+    """A piece of 78 m2 of a canal between a bridge and a house was water nowhere, in silence."""
+    for points in (lake(), hillside(0, 0.06)):
+        found = extract(points, min_area=250.0)
+        assert found.narrowest
+        (text,) = [one for one in found.not_looked_at() if "not looked for" in one]
+        assert "Waters of less than 250 m²" in text
+        assert f"narrower than {found.narrowest:.1f} m" in text
+    assert extract(lake()).narrowest == pytest.approx(4, rel=0.03), "4 cells of 2 spacings, 0.5 m"
+
+
+def test_where_a_bridge_ends_an_outline_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """151 m2 of a canal under a bridge were in no area, and a terrain had a mound there."""
+    points = lake()
+    x, y = (points.xyz[:, :2] - MIDDLE).T
+    for away, told in ((RADIUS + 1, True), (RADIUS + 8, False)):
+        deck = (x > away) & (x < away + 10) & (abs(y) < 2)
+        classes = np.where(deck, 17, 2).astype(np.uint8)
+        caplog.clear()
+        found = extract(points.with_attributes({"classification": classes}))
+        assert found.count == 1
+        assert ("outlines of water end at bridges" in caplog.text) == told
+        if told:
+            (text,) = re.findall(r"water body 1 at [\d.,]+ \((\d+) m2\)", caplog.text)
+            assert float(text) == pytest.approx(40, abs=20), "10 by 4 m, in cells of 1 m"
 
 
 def test_islands_stay_and_small_ones_are_a_choice() -> None:
@@ -1256,6 +1283,7 @@ def test_a_river_without_returns_is_as_unsure_as_its_banks_say(
         assert highest - laid > 0.3
         assert water.level_interval == pytest.approx(highest - laid, abs=0.05)
     assert ("the banks along a tenth of it or more tell levels" in caplog.text) is told
+    assert "nothing came back" not in caplog.text, "a tenth of the pulses may"
 
 
 def test_water_is_nowhere_above_the_banks_upstream_of_it() -> None:

@@ -737,9 +737,9 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         if rise := _hidden(cells, one):
             log.warning(
-                "points: too little came back from %s to tell its level, and half of its rim is %.1f m or more "
-                "above its level: it may be a gap of the data, or its shore lies below crowns. Its "
-                "interval holds levels that are as far below",
+                "points: too little came back from %s to tell its level, and half of its rim is "
+                "%.1f m or more above its level: it may be a gap of the data, or its shore lies "
+                "below crowns. Its interval holds levels that are as far below",
                 name_of(cells, one),
                 rise / metre,
             )
@@ -757,8 +757,9 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
         if off := _off_banks(cells, one):
             log.warning(
                 "points: too little came back from %s to tell its level, and the banks along a "
-                "tenth of it or more tell levels that are %.2f m off the one it was given: pools above rapids or "
-                "weirs, or walls, cliffs or crowns along a part of it. Its interval holds both",
+                "tenth of it or more tell levels that are %.2f m off the one it was given: pools above "
+                "rapids or weirs, or walls, cliffs or crowns along a part of it. Its interval "
+                "holds both",
                 name_of(cells, one),
                 off / metre,
             )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import BUILDING, FOOT, PointFeatures
-from algorithms.classify._outlines import name_of, without_spikes
+from algorithms.classify._outlines import TOUCHING, name_of, without_spikes
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.data_edge import cut
 from algorithms.shared.polygons import Polygons
@@ -19,6 +19,9 @@ from toolbox.context import log
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError
 
+AT_EDGE = 0.25  # of the least area of a building: a corner of the data holds a quarter of it
+
+Mask = NDArray[np.bool_]
 Shapes = NDArray[Any]
 
 
@@ -67,7 +70,10 @@ def unlike(given: PointCloud | None, points: PointCloud) -> Iterator[tuple[str, 
 
 
 def warn_of_lost(given: PointCloud, classified: PointCloud, least: float, lengths: Lengths) -> None:
-    """Tell places where the file has buildings and none is now.
+    """Tell how many points the file calls building that are none now, and places without any.
+
+    Single points, and walls of buildings that are found, are counted, but are no place. The edge
+    of the data may leave a quarter of a building of the least area.
 
     Parameters
     ----------
@@ -77,25 +83,52 @@ def warn_of_lost(given: PointCloud, classified: PointCloud, least: float, length
     """
     if "classification" not in given:
         return
-    lost = (given["classification"] == BUILDING) & (classified["classification"] != BUILDING)
-    xy = given.xyz[lost, :2]
-    try:
-        found = alpha_shape(xy, lengths.alpha, region_threshold=least).polygons
-    except DataError:  # no point, or hardly any
+    was = given["classification"] == BUILDING
+    lost = was & (classified["classification"] != BUILDING)
+    if not lost.any():
         return
-    shapes = without_spikes(np.asarray(found, object), lengths.alpha)
-    shapes = shapes[shapely.area(shapes) >= least]
+    shapes, held = _without_building(given, was, lost, least, lengths)
     if not len(shapes):
+        text = "points that the file calls building are none now: %d, at no place without building"
+        log.info(text, np.count_nonzero(lost))
         return
-    area = shapely.area(shapes)
+    area, metre = shapely.area(shapes), given.metre
     log.warning(
-        "points that the file calls building are none now: %d, at %d places; the largest at %s "
-        "(%.0f m2)",
-        np.count_nonzero(Polygons.of(shapes).hold(xy)),
+        "points that the file calls building are none now: %d; %d at places of %g m2 or more (%g "
+        "m2 at the edge of the data) where no building is now: %d, the largest at %s (%.0f m2); "
+        "%d at smaller ones or where a building is",
+        np.count_nonzero(lost),
+        held,
+        least / metre**2,
+        AT_EDGE * least / metre**2,
         len(shapes),
         _place(shapes[area.argmax()]),
-        area.max() / given.metre**2,
+        area.max() / metre**2,
+        np.count_nonzero(lost) - held,
     )
+
+
+def _without_building(
+    given: PointCloud, was: Mask, lost: Mask, least: float, lengths: Lengths
+) -> tuple[Shapes, int]:
+    """Places where most points of buildings of the file are none now, and how many they hold."""
+    xyz = given.xyz
+    try:
+        found = alpha_shape(xyz[lost, :2], lengths.alpha, region_threshold=AT_EDGE * least).polygons
+    except DataError:  # hardly any point
+        return np.empty(0, object), 0
+    shapes = without_spikes(np.asarray(found, object), lengths.alpha)
+    shapes = shapes[~shapely.is_empty(shapes)]
+    at_edge = cut(list(shapes), xyz, lengths.spacing, given.metre)
+    shapes = shapes[shapely.area(shapes) >= np.where(at_edge, AT_EDGE, 1.0) * least]
+    around = shapely.buffer(shapes, TOUCHING * given.metre)  # their corners are points, too
+    counts = [
+        [np.count_nonzero(Polygons.of(np.array([one])).hold(xyz[some, :2])) for some in (lost, was)]
+        for one in around
+    ]
+    of_lost, of_all = np.reshape(counts, (-1, 2)).T
+    empty = 2 * of_lost > of_all
+    return shapes[empty], int(of_lost[empty].sum())
 
 
 def _place(shape: Any) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,10 @@ from shapely.affinity import rotate
 
 from algorithms.classify._bridges import between_ends
 from algorithms.classify._crowns import crowns
+from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import PointFeatures, once_each
 from algorithms.classify._outlines import margin
+from algorithms.classify._refused import warn_of_lost
 from algorithms.classify._squared import main_direction, squared
 from algorithms.classify.buildings import ClassifyBuildings, on_planes
 from algorithms.compare.areas import CompareAreas
@@ -183,6 +186,41 @@ def test_buildings_of_the_file_that_are_none_now_are_told(
     assert "none now" not in caplog.text
     with pytest.raises(DataError, match="given"):
         ClassifyBuildings(points=points, given=given.select(tree)).run()
+
+
+@pytest.mark.parametrize(
+    ("size", "kept", "west", "told"),
+    [
+        (5.0, 0.0, 20.0, True),
+        (5.0, 0.6, 20.0, False),  # a building stands there
+        (2.7, 0.0, 20.0, False),  # 7 m2
+        (2.7, 0.0, 0.0, True),  # 7 m2 that the edge of the data cuts
+    ],
+)
+def test_places_without_buildings_and_the_rest_add_up(
+    size: float, kept: float, west: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """20 points beside a roof were an alarm, and 372 at the edge of the data told nowhere."""
+    caplog.set_level("INFO", "toolbox")
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0, 60, (2, 36_000))
+    house = (abs(x - west - size / 2) < size / 2) & (abs(y - 30) < size / 2)
+    alone = np.zeros(len(x), bool)
+    alone[[np.hypot(x - 50, y - k).argmin() for k in (10, 25, 45)]] = True
+    still = house & (rng.uniform(size=len(x)) < kept)
+    xyz = np.column_stack([x + 500_000, y + 4_600_000, np.zeros(len(x))])
+    given, now = (
+        PointCloud(xyz, {"classification": np.where(some, 6, 1).astype(np.uint8)}, crs=UTM)
+        for some in (house | alone, still)
+    )
+    warn_of_lost(given, now, 10.0, Lengths.of(given, alpha=1.0))
+    lost = int((house & ~still).sum())
+    assert f"none now: {lost + 3}" in caplog.text
+    assert ("at no place" in caplog.text) is not told
+    if told:
+        at, rest = map(int, re.findall(r"; (\d+) at", caplog.text))
+        assert at + rest == lost + 3
+        assert at == pytest.approx(lost, rel=0.1), "but for spikes"
 
 
 def test_a_steep_roof_is_no_crown() -> None:

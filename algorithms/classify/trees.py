@@ -153,8 +153,9 @@ class ClassifyTrees:
                     "height are of the part that was seen (column cut)."
                 )
             yield (
-                "Trees below others and species were not looked at; crowns of a few square metres "
-                "may be hedges, posts or parts of other crowns."
+                "Trees below others and species were not looked at; crowns that grow into one "
+                "another without a dip count as one tree, and those of a few square metres may be "
+                "hedges, posts or parts of other crowns."
             )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
@@ -246,9 +247,9 @@ class ClassifyTrees:
         if spires := [row for row, out in zip(rows, is_spire, strict=True) if out]:
             highest = max(spires, key=lambda row: row["height"])
             log.warning(
-                "the file calls most points of %d crowns building: they are no trees, but spires, "
-                "chimneys or the like, whose height no building has; the highest, %.1f m, at "
-                "%.1f,%.1f",
+                "crowns of which the file calls most points building: %d; they are no trees, but "
+                "spires, chimneys or the like, which count in no height of a building; the "
+                "highest, %.1f m, at %.1f,%.1f",
                 len(spires),
                 highest["height"] / self.points.metre,
                 highest["top"].x,

@@ -211,19 +211,20 @@ class Candidates:
         if kept := np.count_nonzero(built & (new == DUTCH_STRUCTURES)):
             log.warning(
                 "points: %d points keep class 26 and are no ground, as bridges, quays and other "
-                "structures of Dutch surveys: the terrain is that beside and below them%s",
+                "structures of Dutch surveys: the terrain is that beside and below them",
                 kept,
-                f"; where 26 means something else, {setting} without it lets them be ground"
-                if setting
-                else "",
             )
+            # No warning, which a report would show to people who run nothing.
+            if setting:
+                log.info("where 26 means something else, %s without it takes it away", setting)
         if lost := np.count_nonzero(built & (new == GROUND)):
             log.warning(
                 "points: %d points of class 26 become ground: in Dutch surveys they are bridges, "
-                "quays and other structures, which then stand in the terrain%s",
+                "quays and other structures, which then stand in the terrain",
                 lost,
-                f"; {setting} with 26 among the others keeps them" if setting else "",
             )
+            if setting:
+                log.info("%s with 26 among the others keeps them", setting)
 
     def ground(self, classified: PointCloud, found: Mask) -> PointCloud:
         """The ground points, whatever their class.

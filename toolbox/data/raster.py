@@ -608,7 +608,7 @@ def _class_colours() -> dict[int, tuple[int, int, int]]:
 
 def _class_names() -> str:
     """What GDAL reads beside a file for the names of its values, which GeoTIFF does not hold."""
-    names = (asprs.CLASSES.get(number, "") for number in range(max(asprs.CLASSES) + 1))
+    names = (asprs.NAMES.get(number, "") for number in range(max(asprs.NAMES) + 1))
     listed = "".join(f"<Category>{escape(name)}</Category>" for name in names)
     band = f'<PAMRasterBand band="1"><CategoryNames>{listed}</CategoryNames></PAMRasterBand>'
     return f"<PAMDataset>{band}</PAMDataset>\n"

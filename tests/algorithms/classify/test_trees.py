@@ -50,7 +50,7 @@ def test_what_the_file_calls_building_is_no_tree(caplog: pytest.LogCaptureFixtur
     given = points.with_attributes({"classification": np.where(spire, 6, 1).astype(np.uint8)})
     (tree,) = rows(points, given=given)
     assert tree["height"] == pytest.approx(9, abs=0.1)
-    assert "most points of 1 crowns building" in caplog.text
+    assert "the file calls most points building: 1; they are no trees" in caplog.text
     assert "the highest, 14" in caplog.text
     half = points.with_attributes({"classification": np.where(spire, 1, 6).astype(np.uint8)})
     assert len(rows(points, given=half)) == 1
@@ -62,7 +62,9 @@ def test_crowns_at_the_edge_of_the_data_are_cut() -> None:
     """24 of 74 crowns of a tile were halves, with areas and heights as if they were whole."""
     out = ClassifyTrees(points=park([(10, 10, 3, 9), (29, 10, 3, 8)])).run()
     assert out.crowns.frame.sort_values("height")["cut"].tolist() == [True, False]
-    assert any("edge of the data cuts: 1 of 2" in text for text in out.not_looked_at())
+    told = " ".join(out.not_looked_at())
+    assert "edge of the data cuts: 1 of 2" in told
+    assert "without a dip count as one tree" in told
 
 
 def test_trees_of_overlapping_tiles_are_counted_once() -> None:

@@ -142,7 +142,7 @@ def test_the_file_has_colours_and_names_of_its_classes_and_no_heights(tmp_path: 
     from rasterio.enums import ColorInterp
 
     places = at(*((0.5 + k, 0.5 + row) for k in range(40) for row in range(30)))
-    points = cloud(places, [2, 6, 9] * 400)
+    points = cloud(places, [2, 6, 9, 26] * 300)
     raster = SurfaceLandCover(points=points.with_crs(parse_crs("EPSG:28992+5709"))).run().cover
     for name, cog in (("a.tif", False), ("b.tif", True)):
         raster.save(tmp_path / name, cog=cog)
@@ -150,14 +150,15 @@ def test_the_file_has_colours_and_names_of_its_classes_and_no_heights(tmp_path: 
             assert source.colorinterp == (ColorInterp.palette,)
             colours = source.colormap(1)
             assert source.units == ("1",), "not metres, as a CRS with heights makes of it"
-        for number in (2, 6, 9):
+        for number in (2, 6, 9, 26):
             assert "#{:02x}{:02x}{:02x}".format(*colours[number]) == COLOURS[number]
         beside = ElementTree.parse(tmp_path / f"{name}.aux.xml")
         names = [item.text or "" for item in beside.iter("Category")]
-        assert {number: names[number] for number in (2, 6, 9)} == {
+        assert {number: names[number] for number in (2, 6, 9, 26)} == {
             2: "Ground",
             6: "Building",
             9: "Water",
+            26: "Bridges and quays in Dutch surveys",
         }
         again = Raster.open(tmp_path / name)
         np.testing.assert_array_equal(again.values, raster.values)

@@ -757,9 +757,9 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
         if off := _off_banks(cells, one):
             log.warning(
                 "points: too little came back from %s to tell its level, and the banks along a "
-                "tenth of it or more tell levels that are %.2f m off the one it was given: pools above "
-                "rapids or weirs, or walls, cliffs or crowns along a part of it. Its interval "
-                "holds both",
+                "tenth of it or more tell levels that are %.2f m off the one it was given: pools "
+                "above rapids or weirs, or walls, cliffs or crowns along a part of it. Its "
+                "interval holds both",
                 name_of(cells, one),
                 off / metre,
             )

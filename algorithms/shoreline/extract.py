@@ -307,7 +307,8 @@ class ShorelineExtract:
                 f"{name_of(cells, one)}, level {in_unit(cells, one.level.height)}" for one in rest
             ]
             log.warning(
-                "points: other water bodies: %d, given apart; they do not count in area and level: %s",
+                "points: other water bodies: %d, given apart; they do not count in area and level: "
+                "%s",
                 len(rest),
                 some_of(names),
             )

@@ -490,8 +490,9 @@ class Pour:
             return self._refuse(starts, body, f"water would run off to ground {DROP:g} m lower")
         if len(body) < self.fewest:
             return self._refuse(starts, body, "too small")
-        shore = self._shore(body)
-        judged, why = judge(self.cells, body, level, tilt, shore, rough=rough)
+        whole = shore_of(self.cells, body)
+        shore = self._on_land(whole)
+        judged, why = judge(self.cells, body, level, tilt, shore, whole, rough=rough)
         if judged and not judged.holds and (dikes or self._above_water(body, level) > most_lower):
             self._note(starts, level, tilt)
             judged, why = None, f"it is a bank of water {DROP:g} m lower"
@@ -509,7 +510,10 @@ class Pour:
 
     def _shore(self, body: Ints) -> Ints:
         """Cells with points near a body that are no water found: what it is compared with."""
-        shore = shore_of(self.cells, body)
+        return self._on_land(shore_of(self.cells, body))
+
+    def _on_land(self, shore: Ints) -> Ints:
+        """Cells of a shore but for water that was found."""
         return np.asarray(shore[self.state.ravel()[shore] != TAKEN])
 
     def _is_seen(self, body: Ints) -> bool:
@@ -522,7 +526,8 @@ class Pour:
             return
         large = LARGE * self.cells.metre**2 / self.cells.area
         for whole in connected(self.cells.lattice, starts, large):
-            judged, _ = judge(self.cells, whole, level, LEVEL, self._shore(whole))
+            shore = shore_of(self.cells, whole)
+            judged, _ = judge(self.cells, whole, level, LEVEL, self._on_land(shore), shore)
             if judged and "level" in judged.evidence:
                 self.ran_off.append(judged)
 
@@ -585,7 +590,7 @@ class Pour:
             if int(hole[0]) in self.reasons
             and not wet.ravel()[hole].any()
             and not self.rim.ravel()[hole].any()
-            and len(core_of(self.cells, hole, 0.0)) >= WIDE * len(hole)
+            and _is_wide(self.cells, hole)
         ]
         return sorted(holes, key=lambda one: (-len(one[0]), one[0][0]))
 
@@ -895,10 +900,13 @@ def connected(lattice: Lattice, some: Ints, least: float) -> Iterator[Ints]:
         yield some[of == number]
 
 
-def around(lattice: Lattice, some: Ints, width: int) -> Ints:
-    """Indices of the cells within a number of cells of some, without these."""
-    (top, left), mask = window(lattice, some, width)
-    ring = ndimage.binary_dilation(mask, np.ones((3, 3), bool), iterations=width) & ~mask
+def around(lattice: Lattice, some: Ints, width: int, inner: int = 0) -> Ints:
+    """Indices of the cells within a number of cells of some, but for those within fewer of them."""
+    (top, left), near = window(lattice, some, width)
+    square = np.ones((3, 3), bool)
+    if inner:
+        near = ndimage.binary_dilation(near, square, iterations=inner)
+    ring = ndimage.binary_dilation(near, square, iterations=width - inner) & ~near
     r, c = np.nonzero(ring)
     return (r + top) * lattice.cols + c + left
 
@@ -916,12 +924,19 @@ def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], 
 
 def shore_of(cells: CellGrid, body: Ints) -> Ints:
     """Indices of the cells with points around a body, but for those at its very edge."""
-    ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
+    ring = around(cells.lattice, body, 5, 1)
     return np.asarray(ring[cells.count.ravel()[ring] > 0])
 
 
 def judge(
-    cells: CellGrid, body: Ints, level: float, tilt: Tilt, ring: Ints, *, rough: bool = False
+    cells: CellGrid,
+    body: Ints,
+    level: float,
+    tilt: Tilt,
+    ring: Ints,
+    shore: Ints,
+    *,
+    rough: bool = False,
 ) -> tuple[Body | None, str]:
     """The body with the evidence that it is water, or none if that is too weak, and why.
 
@@ -931,18 +946,20 @@ def judge(
 
     Parameters
     ----------
-    ring : the cells of its shore, see :func:`shore_of`, but for other water
+    ring : the cells of its shore, but for other water
+    shore : these and those of other water, see :func:`shore_of`
     """
     count = cells.count.ravel()
     here = body[count[body] > 0]
     lost = _lost(cells, body, ring)
     if lost <= FEWER < (for_each := _lost(cells, body, ring, by_flights=True)):
         lost = for_each
-    amid = _darkness(cells, body, shore_of(cells, body))
+    amid = _darkness(cells, body, shore)
     dark = amid if rough else _darkness(cells, body, ring)  # wet banks are rough and dark, too
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
-    level_enough = tilt == LEVEL and _is_level(cells, body)
-    shaped = level_enough and _bent(cells, body, surely=dark >= VERY_DARK)
+    core = _known(cells, body) if tilt == LEVEL else body[:0]
+    level_enough = _is_level(cells, core)
+    shaped = level_enough and _bent(cells, core, surely=dark >= VERY_DARK)
     fewer = SPARSE < lost <= FEWER and level_enough and not shaped
     across = tilt != LEVEL and dark >= VERY_DARK and flows(cells, body, tilt)
     reasons = {
@@ -953,8 +970,7 @@ def judge(
         "dark": dark >= DARK and not shaped,
         "class": classed,
     }
-    wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)
-    few = lost <= SPARSE and (wide or dark >= DARK or level_enough)
+    few = lost <= SPARSE and (dark >= DARK or level_enough or _is_wide(cells, body))
     large = len(here) >= LARGE * cells.metre**2 / cells.area
     enough = few or classed or across or (level_enough and (dark >= VERY_DARK or large))
     if not enough or (rough and dark < DARK):
@@ -1027,7 +1043,7 @@ def looks_like_water(cells: CellGrid, some: Ints, shore: Ints) -> bool:
 def _raised(cells: CellGrid, body: Ints, level: float) -> bool:
     """Whether the ground is lower close behind the rim of a body, as around a flat roof."""
     width = max(2, math.ceil(RIM * cells.metre / cells.lattice.cell))
-    ring = np.setdiff1d(around(cells.lattice, body, width), around(cells.lattice, body, width - 1))
+    ring = around(cells.lattice, body, width, width - 1)
     heights = cells.low.ravel()[ring]
     heights = heights[np.isfinite(heights)]
     return bool(len(heights) and np.median(heights) < level - WALL * cells.metre)
@@ -1049,21 +1065,30 @@ def separation(water: Floats, land: Floats) -> float:
     return max(0.0, float((below[0] - below[1]).max()))
 
 
-def _is_level(cells: CellGrid, some: Ints) -> bool:
+def _is_wide(cells: CellGrid, hole: Ints) -> bool:
+    """Whether enough cells of a hole are not at its edge, unlike those of gaps and shadows."""
+    return len(core_of(cells, hole, 0.0)) >= WIDE * len(hole)
+
+
+def _known(cells: CellGrid, some: Ints) -> Ints:
+    """Cells far from the edge of some around which heights are known."""
+    core = core_of(cells, some)
+    return np.asarray(core[np.isfinite(cells.middle.ravel()[core])])
+
+
+def _is_level(cells: CellGrid, core: Ints) -> bool:
     """Whether cells lie on one level surface, more exactly than fields do.
 
     Waves may be longer than a cell and its neighbours, so the means of compact blocks are compared.
     They still differ, by no more than the waves are high.
     """
-    core = core_of(cells, some)
-    core = core[np.isfinite(cells.middle.ravel()[core])]
     if len(core) < KNOWN:
         return False
     middle, waves = cells.middle.ravel()[core], waves_of(cells, core)
     return _flat(cells, core, middle, waves) or _two_levels(cells, core, middle, waves)
 
 
-def _bent(cells: CellGrid, some: Ints, *, surely: bool) -> bool:
+def _bent(cells: CellGrid, core: Ints, *, surely: bool) -> bool:
     """Whether cells that are nearly level lie on a tilted or curved surface, as paved ground does.
 
     Water has no shape: what the heights of its blocks differ by are waves, noise, and steps between
@@ -1072,8 +1097,6 @@ def _bent(cells: CellGrid, some: Ints, *, surely: bool) -> bool:
 
     With `surely` the shape must also be more than chance: see :func:`_is_by_chance`.
     """
-    core = core_of(cells, some)
-    core = core[np.isfinite(cells.middle.ravel()[core])]
     heights = cells.middle.ravel()[core].astype(float)
     spots = np.column_stack([core // cells.lattice.cols, core % cells.lattice.cols]).astype(float)
     parts = even_blocks(spots, FINE)
@@ -1238,7 +1261,7 @@ def _as_bright_as_land(cells: CellGrid, body: Body) -> Mask:
     """
     bright = cells.bright.ravel()
     here = bright[body.cells]
-    ring = np.setdiff1d(around(cells.lattice, body.cells, 5), around(cells.lattice, body.cells, 1))
+    ring = around(cells.lattice, body.cells, 5, 1)
     water, land = here[~np.isnan(here)], bright[ring][~np.isnan(bright[ring])]
     if not len(land):
         return np.zeros(len(here), bool)

@@ -33,13 +33,22 @@ def surroundings(low, first, last, reach, middle, spread, known):
             for i in range(max(0, r - reach), min(rows, r + reach + 1)):
                 for j in range(max(0, c - reach), min(cols, c + reach + 1)):
                     if low[i, j] < np.inf:
-                        held[n] = low[i, j]
+                        _insert(held, n, low[i, j])
                         n += 1
             known[r, c] = n
             if n:
-                some = np.sort(held[:n])
-                middle[r, c] = some[n // 2]
-                spread[r, c] = some[(4 * (n - 1) + 2) // 5] - some[(n - 1 + 2) // 5]
+                middle[r, c] = held[n // 2]
+                spread[r, c] = held[(4 * (n - 1) + 2) // 5] - held[(n - 1 + 2) // 5]
+
+
+@kernel
+def _insert(held, size, value):
+    """Insert a value into the first, sorted ones of an array: few are sorted fastest so."""
+    k = size
+    while k > 0 and held[k - 1] > value:
+        held[k] = held[k - 1]
+        k -= 1
+    held[k] = value
 
 
 @kernel

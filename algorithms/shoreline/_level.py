@@ -316,17 +316,19 @@ def two_levels_fit(z: Floats, fit: Floats) -> bool:
 
 
 def even_blocks(xy: Floats, most: int = BLOCKS) -> list[Ints]:
-    """Indices of points in compact blocks that hold equally many, the most if there are enough."""
-    found = [np.arange(len(xy))]
-    while len(found) < most and len(xy) >= 2 * len(found):
-        found = [half for some in found for half in _halves(xy, some)]
-    return found
+    """Indices of points in compact blocks that hold equally many, the most if there are enough.
 
-
-def _halves(xy: Floats, some: Ints) -> list[Ints]:
-    """The points in two halves, cut across their longer side."""
-    axis = int(np.argmax(np.ptp(xy[some, :2], axis=0)))
-    return np.array_split(some[np.argsort(xy[some, axis], kind="stable")], 2)
+    All blocks at once are cut in halves across their longer sides.
+    """
+    order, first, count = np.arange(len(xy)), np.zeros(1, np.int64), np.array([len(xy)])
+    while len(count) < most and len(xy) >= 2 * len(count):
+        x, y = xy[order, :2].T
+        wide, high = (np.maximum.reduceat(v, first) - np.minimum.reduceat(v, first) for v in (x, y))
+        along = np.where(np.repeat(high > wide, count), y, x)
+        order = order[np.lexsort((along, np.repeat(np.arange(len(count)), count)))]
+        count = np.stack([(count + 1) // 2, count // 2], axis=1).ravel()
+        first = np.cumsum(count) - count
+    return np.split(order, first[1:])
 
 
 def edge_level(

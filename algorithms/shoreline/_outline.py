@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -54,7 +55,7 @@ class Outline:
     cells: CellGrid
     hidden: Sequence[float] = ()
 
-    @property
+    @cached_property
     def polygons(self) -> list[shapely.Polygon]:
         """Polygons of the body, one for each of its separate areas, at the level of the water."""
         rings = [self._raised(ring) for ring in self.shore.rings]

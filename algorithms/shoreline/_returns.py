@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.ground import may_be_ground, taking_part
-from algorithms.shared.lowest import blocks, require_finite
+from algorithms.shared.lowest import require_finite
 from algorithms.shared.selection import of_classes
 from algorithms.shared.strips import strips_of
 from toolbox.context import QUIET, Context
@@ -18,6 +18,7 @@ from toolbox.data import PointCloud, Survey
 from toolbox.errors import DataError
 
 BATCH = 2_000_000  # points that are read at a time
+BLOCK = 50_000  # whose coordinates and cells fit into the cache of a processor
 FOR_STEP = 100_000  # heights that tell to what they are rounded
 DECKS = (17, 26)  # bridge decks of LAS 1.4, and bridges, quays and the like of Dutch surveys
 UNIT = 1e-4  # of coordinates, in the unit of the data: 32 bits reach 200 km
@@ -63,7 +64,7 @@ class Returns:
 
     def blocks(self) -> Iterator[slice]:
         """Slices of points to work on one after the other."""
-        return (slice(first, last) for first, last in blocks(len(self)))
+        return (slice(k, min(k + BLOCK, len(self))) for k in range(0, len(self), BLOCK))
 
     @classmethod
     def of(

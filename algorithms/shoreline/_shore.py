@@ -241,11 +241,11 @@ def _on_banks(
 
 def _among_others(points: Floats, high: Mask, stands: Mask) -> Mask:
     """Which points that stand have others on land near by, if they are high."""
-    kept = np.flatnonzero(stands)
+    kept, some = np.flatnonzero(stands), np.flatnonzero(stands & high)
     if len(kept) > ALONE[1]:
-        _, beside = cKDTree(points[kept, :2]).query(points[kept, :2], ALONE[1] + 1)
+        _, beside = cKDTree(points[kept, :2]).query(points[some, :2], ALONE[1] + 1)
         stands = stands.copy()
-        stands[kept] = ~high[kept] | (high[kept][beside].sum(axis=1) > ALONE[0])
+        stands[some] = high[kept][beside].sum(axis=1) > ALONE[0]
     return stands
 
 
@@ -315,12 +315,13 @@ def _expect_ground(
     seen, high = kind[wet] == WATER, land[wet]
     water = np.flatnonzero(seen)
     tree, most = cKDTree(xy[wet[water]]), min(2 * count, len(water))
+    reach = LAND_REACH / np.sqrt(cells.density)
     for turn in range(TURNS):
         part = ctx.part(turn / TURNS, (turn + 1) / TURNS)
         bank = np.flatnonzero(land)
         beside = cKDTree(xy[bank])
-        away, first = beside.query(xy[wet])
-        at = np.flatnonzero(away <= LAND_REACH / np.sqrt(cells.density))  # only they need a plane
+        away = beside.query(xy[wet], distance_upper_bound=2 * reach)[0]
+        at = np.flatnonzero(away <= reach)  # only they need a plane
         around = np.zeros((len(at), 0), np.int64)
         if most:
             around = water[np.asarray(tree.query(xy[wet[at]], range(1, most + 1))[1])]
@@ -333,7 +334,7 @@ def _expect_ground(
         known = near & ((there < 0) | (above > np.where(high, -step / SURE, 0.0)))
         land[wet] = seen & near & (there > 0) & (above > step / SURE)  # low on the bank
     # As far below the level as the nearest land is above: with it, the shore is half way.
-    deep = -np.maximum(height[bank[first]], step)
+    deep = -np.maximum(height[bank[beside.query(xy[wet])[1]]], step)
     expected = np.where(known, there, deep)
     expected = np.where(seen, expected, np.minimum(expected, deep / 10))
     height[wet], slope[wet] = expected, np.where(known, steep, np.nan)
@@ -434,14 +435,16 @@ def outline(where: Places, level: Level, cells: CellGrid, ctx: Context) -> Shore
 
 def _no_waves(where: Places, rings: list[Floats], level: Level) -> Mask:
     """True for outer rings, and for islands higher than waves, or with other water in them."""
-    inside = np.array([area_of(ring) < 0 for ring in rings])
-    land = np.flatnonzero(where.kind == LAND)
-    tree = shapely.STRtree([*map(shapely.Point, where.xy[land])])
-    of, point = tree.query(shapely.polygons([*map(shapely.LinearRing, rings)]), "contains")
-    top = np.full(len(rings), -np.inf)
+    kept = np.array([area_of(ring) >= 0 for ring in rings], bool)
+    islands, land = np.flatnonzero(~kept), np.flatnonzero(where.kind == LAND)
+    shapes = np.array([shapely.Polygon(rings[k]) for k in islands], object)
+    tree = shapely.STRtree(np.asarray(shapely.points(where.xy[land])))
+    of, point = tree.query(shapes, "contains")
+    top = np.full(len(islands), -np.inf)
     reach = np.where(where.other, np.inf, where.height)
     np.maximum.at(top, of, reach[land[point]])
-    return np.asarray(~inside | (top > ISLAND * level.sigma))
+    kept[islands] = top > ISLAND * level.sigma
+    return kept
 
 
 def _crossings(

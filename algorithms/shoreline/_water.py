@@ -350,7 +350,7 @@ def _tell_above(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> None:
         if wet.ravel()[place.cells].mean() > OVERLAP:
             continue
         wet.ravel()[place.cells] = True  # the same place at another level is told once
-        if not place.doubtful or any(_meets(cells, place, one) for one in found):
+        if not place.doubtful or _meets(cells, place, found):
             told.append(place)
     if told:
         log.warning(
@@ -399,11 +399,12 @@ def _wet(cells: CellGrid, found: Sequence[Water]) -> NDArray[np.bool_]:
 def _above(cells: CellGrid, place: Body, found: Sequence[Water]) -> str:
     """Text on a level place, what it is known by, and the water beside it."""
     text = f"{_place(cells, place.cells, place.level)}, known by {place.evidence}"
-    near = max(found, key=lambda one: _contact(cells, place, one), default=None)
-    if near is None or not _contact(cells, place, near):
+    near = around(cells.lattice, place.cells, BESIDE)
+    beside = max(found, key=lambda one: _contact(near, place, one), default=None)
+    if beside is None or not _contact(near, place, beside):
         return text
-    up = (place.level - near.level.height) / cells.metre
-    x, y = place_of(cells, near)
+    up = (place.level - beside.level.height) / cells.metre
+    x, y = place_of(cells, beside)
     return f"{text}, {up:+.2f} m from the water at {x:.1f},{y:.1f} beside it"
 
 
@@ -477,11 +478,17 @@ def _steps(cells: CellGrid, found: Sequence[Water]) -> Iterator[_Step]:
                 yield _Step(abs(one - two), (x, y), upper, lower)
 
 
-def _meets(cells: CellGrid, place: Body, water: Water) -> bool:
+def _meets(cells: CellGrid, place: Body, found: Sequence[Water]) -> bool:
     """Whether a level place ends at a body in a step, along much of its shore: land has banks."""
-    if _contact(cells, place, water) < CONTACT:
-        return False
     near = around(cells.lattice, place.cells, BESIDE)
+    return any(
+        _contact(near, place, water) >= CONTACT and _ends_abruptly(cells, near, place, water)
+        for water in found
+    )
+
+
+def _ends_abruptly(cells: CellGrid, near: Ints, place: Body, water: Water) -> bool:
+    """Whether the shore of a body is a step up to a level place, in the cells near that."""
     edge = np.intersect1d(around(cells.lattice, water.body.cells, 1), near)
     heights = cells.low.ravel()[np.setdiff1d(edge, water.body.cells)] + cells.base
     heights = heights[np.isfinite(heights)]
@@ -490,9 +497,13 @@ def _meets(cells: CellGrid, place: Body, water: Water) -> bool:
     return bool(beside and 0 < step <= WEIR * cells.metre)
 
 
-def _contact(cells: CellGrid, place: Body, water: Water) -> float:
-    """Length along which a place meets a body, over the root of the area of the smaller one."""
-    near = around(cells.lattice, place.cells, BESIDE)
+def _contact(near: Ints, place: Body, water: Water) -> float:
+    """Length along which a place meets a body, over the root of the area of the smaller one.
+
+    Parameters
+    ----------
+    near : the cells within BESIDE of the place
+    """
     beside = np.intersect1d(near, water.body.cells, assume_unique=True)
     length = len(beside) / BESIDE
     return length / math.sqrt(min(len(place.cells), len(water.body.cells)))

@@ -26,18 +26,19 @@ Shapes = NDArray[Any]
 
 
 def steep_regions(
-    shapes: Shapes, features: PointFeatures, lengths: Lengths
+    shapes: Shapes, points: PointCloud, features: PointFeatures, lengths: Lengths
 ) -> list[dict[str, Any]]:
     """Attributes and outlines of regions that are no roofs because they are steep and torn.
 
     Parameters
     ----------
     shapes : polygons
+    points : all points, which tell where the data end, as they do for buildings
     features : n points, some of which are above the ground in each
     lengths : of which the spacing tells where the data end
     """
     above, metre = features.terrain[1] > FOOT, features.cloud.metre
-    at_edge = cut(list(shapes), features.xyz, lengths.spacing, metre, ctx=features.ctx)
+    at_edge = cut(list(shapes), points.xyz, lengths.spacing, metre, ctx=features.ctx)
     rows = []
     for shape, there in zip(shapes, at_edge, strict=True):
         inside = features.within(shape, above)

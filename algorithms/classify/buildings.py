@@ -280,7 +280,8 @@ class ClassifyBuildings:
         ctx.progress(0.9)
         rows, parts = self._rows(features, planes, shapes, lengths, ctx.part(0.9, 1.0))
         ctx.progress(1.0)
-        result = self._packed(found, part, rows, parts, steep_regions(trees, features, lengths))
+        steep = steep_regions(trees, cloud, features, lengths)
+        result = self._packed(found, part, rows, parts, steep)
         if self.given is not None:
             warn_of_lost(self.given, result.classified, self.smallest, lengths)
         return result

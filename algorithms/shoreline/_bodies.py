@@ -668,14 +668,24 @@ class Pour:
         Cells may be as wide as a dike, and their lowest points on the water beside it.
         """
         metre = self.cells.metre
-        floor = np.where(self.cells.high > level + STEP * metre, np.float32(np.inf), self.floor)
-        below, inner = level - DROP * metre, starts[floor.ravel()[starts] < np.inf]
-        return self._over(floor, inner, level + STEP * metre, below, most_lower, LEVEL)
+        top, below = level + STEP * metre, level - DROP * metre
+        return self._over(self.floor, starts, top, below, most_lower, LEVEL, dike=top)
 
     def _over(
-        self, floor: Floats, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
+        self,
+        floor: Floats,
+        starts: Ints,
+        level: float,
+        below: float,
+        most_lower: int,
+        tilt: Tilt,
+        *,
+        dike: float = math.inf,
     ) -> tuple[Ints, int]:
-        """Cells of a floor that water at a level covers, and how many lie clearly below it."""
+        """Cells of a floor that water at a level covers, and how many lie clearly below it.
+
+        Cells with a point higher than `dike` hold it.
+        """
         middle = self.middle
         if tilt != LEVEL:
             rows, cols = floor.shape
@@ -684,6 +694,8 @@ class Pour:
             middle.ravel()[starts] = np.nan  # of a hole, whose edge is no level
         size, lower = kernels.spread(
             floor,
+            self.cells.high,
+            np.float32(dike),
             middle,
             level,
             below,

@@ -52,18 +52,18 @@ def _insert(held, size, value):
 
 
 @kernel
-def spread(heights, middle, level, below, weir, most_lower, starts, state, stack):
+def spread(heights, high, dike, middle, level, below, weir, most_lower, starts, state, stack):
     """Spread water at a level from cells; number of cells reached, and of those lying lower.
 
     A cell is reached when its height is at most the level; `heights` is infinite on land and
-    minus infinite where nothing is known, so that water spreads over it. It stops early where
-    more than `most_lower` cells lie below `below`, or below `weir` where other water is: it would
-    run off.
+    minus infinite where nothing is known, so that water spreads over it. Cells whose highest point
+    is above `dike` hold it. It stops early where more than `most_lower` cells lie below `below`,
+    or below `weir` where other water is: it would run off.
 
     Parameters
     ----------
-    heights, middle : arrays of shape (cells,): lowest height, and median of the surroundings, or
-        level of other water
+    heights, high, middle : arrays of shape (cells,): lowest height, highest one, and median of the
+        surroundings, or level of other water
     starts : cells to begin with
     state : array of shape (cells,), 0 where water may go, TAKEN where other water is; set to 1
         where it went
@@ -73,7 +73,7 @@ def spread(heights, middle, level, below, weir, most_lower, starts, state, stack
     size, lower = 0, 0
     for k in starts:
         r, c = k // cols, k % cols
-        if state[r, c] == 0 and heights[r, c] <= level:
+        if state[r, c] == 0 and heights[r, c] <= level and high[r, c] <= dike:
             state[r, c] = 1
             stack[size] = k
             size += 1
@@ -89,7 +89,7 @@ def spread(heights, middle, level, below, weir, most_lower, starts, state, stack
             i, j = r + a, c + b
             if not (0 <= i < rows and 0 <= j < cols):
                 continue
-            if state[i, j] == 0 and heights[i, j] <= level:
+            if state[i, j] == 0 and heights[i, j] <= level and high[i, j] <= dike:
                 state[i, j] = 1
                 stack[size] = i * cols + j
                 size += 1

@@ -776,8 +776,18 @@ def test_water_runs_off_to_lower_water_beside_it() -> None:
         middle, found = plain.copy(), state.copy()
         middle[2:5, 2:5] = pool
         stack = np.zeros(49, np.int32)
-        _, met = spread(plain, middle, 4.1, 3.75, 3.0, 0, np.array([0]), found, stack)
+        over = plain, plain, np.float32(np.inf), middle, 4.1, 3.75, 3.0, 0
+        _, met = spread(*over, np.array([0]), found, stack)
         assert (met > 0) == lower
+
+
+def test_points_above_a_dike_hold_water_in_cells_that_are_as_wide() -> None:
+    low, high = np.zeros((2, 5, 7), np.float32)
+    high[:, 3] = 1.0
+    for dike, reached in ((0.5, 15), (np.inf, 35)):
+        state, stack = np.zeros((5, 7), np.uint8), np.zeros(35, np.int32)
+        over = low, high, np.float32(dike), low, 0.1, -0.25, -1.0, 0
+        assert spread(*over, np.array([0]), state, stack) == (reached, 0)
 
 
 def test_land_around_a_pit_lake_is_no_water() -> None:

@@ -120,6 +120,19 @@ class Corridor:
         may[may] = ~self.refused
         return replace(self, may=may, tolerance=tolerance)
 
+    def of_strip(self, number: int) -> Corridor:
+        """The same as one strip shows it: without the points of others that may be wire."""
+        own = ~self.may | (self.strip == number)
+        return replace(
+            self,
+            air=self.air.select(own),
+            height=self.height[own],
+            may=self.may[own],
+            strip=self.strip[own],
+            tied=[],
+            left_out=[],
+        )
+
     def on(self, curves: Iterable[Catenary]) -> NDArray[np.bool_]:
         """Which points above the ground are within the tolerance of one of some wires."""
         found = np.zeros(len(self.air.xyz), bool)

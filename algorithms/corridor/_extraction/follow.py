@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +37,7 @@ from algorithms.corridor._extraction.continued import completed
 from algorithms.corridor._extraction.spans import (
     Wire,
     are_no_accident,
+    is_ahead,
     numbered,
     on_any,
     on_wire,
@@ -52,7 +53,7 @@ from algorithms.corridor._extraction.supports import (
     may_hold,
     supports_of,
 )
-from algorithms.corridor._extraction.swung import seen_twice
+from algorithms.corridor._extraction.swung import seen_twice, strips_disagree
 from algorithms.corridor._extraction.towers import all_centred, compared
 from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
@@ -81,9 +82,9 @@ def follow(
 ) -> tuple[list[Wire], list[Support]]:
     """The conductors of all spans, and the supports between them.
 
-    How far points lie off their wires depends on the scanner, and on whether the conductors are
-    bundles. So wires are followed at each of several tolerances, and each span is taken at that
-    for which its points tell most.
+    Where wind moved conductors between two strips, those of one lie on others of the next, and
+    wires are followed in each strip by itself, too. Spans so found are taken where their points
+    tell more of them.
 
     Parameters
     ----------
@@ -91,6 +92,62 @@ def follow(
     voxel : of each of these; one of a voxel may be the beginning of a wire
     max_gap : longest piece of a wire that may be missing, metres
     tolerances : how far a point may lie from the wire that is followed, ascending, metres
+    """
+    lines = at_tolerances(corridor, voxel, max_gap, tolerances, ctx)
+    wires, supports = together(corridor, lines)
+    if not strips_disagree(corridor, wires):
+        return wires, supports
+    strip = corridor.strip[corridor.wires.order]
+    arms = np.array([arms_in_plan(one) for one in seen_supports(supports)]).reshape(-1, 2, 2)
+    apart: list[Line] = []
+    for number in distinct(strip).tolist():
+        own, part = replace(corridor.of_strip(number), arms=arms), ctx.part(1.0, 1.0)
+        apart += at_tolerances(own, voxel[strip == number], max_gap, tolerances, part)
+    swung = strip_by_strip(corridor, apart)
+    return together(corridor, better(corridor, unbundled(corridor, lines, swung), swung))
+
+
+def strip_by_strip(corridor: Corridor, lines: Sequence[Line]) -> list[Line]:
+    """Lines that were found in each strip by itself as one, of spans that wind swung."""
+    wires, supports = numbered_anew(lines)
+    spans: dict[tuple[int, int, bool], list[Wire]] = {}
+    for wire in wires:
+        low, high = sorted(wire.supports)
+        if high >= 0:
+            side = low < 0 and is_ahead(wire.curve, supports[high])
+            spans.setdefault((low, high, side), []).append(wire)
+    both = [
+        replace(to_supports(wire, supports), span=span)
+        for span, own in enumerate(spans.values(), start=1)
+        for wire in own
+    ]
+    lines = lines_of(both, supports)
+    return [line for line in lines if 4 * len(seen_twice(corridor, line.wires)) > len(line.wires)]
+
+
+def unbundled(corridor: Corridor, lines: Sequence[Line], swung: Sequence[Line]) -> list[Line]:
+    """Lines without bundles where wind swung them: their conductors may be positions of one."""
+    taken = corridor.on(wire.curve for line in swung for wire in line.wires)
+    return [
+        replace(line, wires=[replace(wire, bundle=wire.wire) for wire in line.wires])
+        if 2 * len(rest_of(corridor, line, taken)) < len(line.wires)
+        else line
+        for line in lines
+    ]
+
+
+def at_tolerances(
+    corridor: Corridor,
+    voxel: NDArray[np.int64],
+    max_gap: float,
+    tolerances: Sequence[float],
+    ctx: Context,
+) -> list[Line]:
+    """The lines of a corridor, each span at the best of several tolerances; see :func:`follow`.
+
+    How far points lie off their wires depends on the scanner, and on whether the conductors are
+    bundles. So wires are followed at each of several tolerances, and each span is taken at that
+    for which its points tell most.
     """
     tried: list[Tried] = []
     for k, tolerance in enumerate(tolerances):
@@ -102,11 +159,11 @@ def follow(
             tried += stacked(corridor, part.part(0.7, 0.7))
             pieces = without_stacks(corridor, pieces, tried)
         tried.append(Tried(corridor, pieces, *lines_among(corridor, pieces, max_gap, part)))
-    seen = seen_supports(tried)
+    seen = seen_supports(support for one in tried for support in one.supports)
     lines: list[Line] = []
     for one in tried:
         lines = better(one.corridor, lines, one.knowing(seen, max_gap, ctx.part(1.0, 1.0)))
-    return together(corridor, lines)
+    return lines
 
 
 @dataclass(frozen=True)
@@ -133,17 +190,18 @@ class Tried:
         ]
         if not missed or self.pieces is None:
             return self.lines
-        corridor = replace(self.corridor, arms=np.array([arms_in_plan(one) for one in missed]))
+        arms = [*self.corridor.arms, *(arms_in_plan(one) for one in missed)]
+        corridor = replace(self.corridor, arms=np.array(arms))
         return lines_among(corridor, self.pieces, max_gap, ctx)[0]
 
 
-def seen_supports(tried: Sequence[Tried]) -> list[Support]:
-    """The poles that hold wires and of which much of a body is seen, at any tolerance, once.
+def seen_supports(supports: Iterable[Support]) -> list[Support]:
+    """The poles that hold wires and of which much of a body is seen, each once.
 
     Towers are metres wide: at another tolerance the place of one differs, and it would be two.
     """
     found: list[Support] = []
-    for support in (support for one in tried for support in one.supports):
+    for support in supports:
         seen = bool(support.cuts) and is_pole(support.high - support.ground) and is_seen(support)
         if seen and all(apart(support, one) >= SETTINGS.network.join_aside for one in found):
             found.append(support)
@@ -492,6 +550,16 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
     Two lines may each have found another leg of a support, so that it is known to be one only when
     each was moved to the middle of its body.
     """
+    wires, supports = numbered_anew(lines)
+    wires, supports = shared(wires, all_centred(corridor, wires, supports))
+    wires = [wire for wire in wires if not is_arm(wire, supports)]
+    wires, supports = along_the_line(wires, supports)
+    wires = [to_supports(wire, supports) for wire in wires]
+    return numbered(wires, supports, seen_twice(corridor, wires)), supports
+
+
+def numbered_anew(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
+    """The wires and supports of several lines; supports at one place are one."""
     wires: list[Wire] = []
     supports: list[Support] = []
     for line in lines:
@@ -501,12 +569,7 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
             low, high = (n + len(supports) if n >= 0 else -1 for n in wire.supports)
             wires.append(replace(wire, supports=(low, high), span=span, bundle=bundle, wire=number))
         supports += line.supports
-    wires, supports = shared(wires, supports)
-    wires, supports = shared(wires, all_centred(corridor, wires, supports))
-    wires = [wire for wire in wires if not is_arm(wire, supports)]
-    wires, supports = along_the_line(wires, supports)
-    wires = [to_supports(wire, supports) for wire in wires]
-    return numbered(wires, supports, seen_twice(corridor, wires)), supports
+    return shared(wires, supports)
 
 
 def along_the_line(

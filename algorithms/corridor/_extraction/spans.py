@@ -318,15 +318,15 @@ def of_one_span(
                 link[i, j] = runs_beside(one, other) or runs_beside(other, one)
                 link[i, j] |= apart(one, other) < SETTINGS.network.bundle_width
                 if key[1] >= 0:
-                    sides = [side_of(piece, supports[key[1]]) for piece in (one, other)]
+                    sides = [is_ahead(p.curve, supports[key[1]]) for p in (one, other)]
                     link[i, j] = sides[0] == sides[1]
     count, label = connected_components(coo_array(link), directed=False)
     return [[pieces[i] for i in np.flatnonzero(label == k)] for k in range(count)]
 
 
-def side_of(piece: Piece, support: Support) -> bool:
-    """Whether the middle of a piece lies on the forward side of a support's arms."""
-    middle = piece.curve.points(np.array([0.5 * piece.curve.length]))[0, :2]
+def is_ahead(curve: Catenary, support: Support) -> bool:
+    """Whether the middle of a curve lies on the forward side of a support's arms."""
+    middle = curve.points(np.array([0.5 * curve.length]))[0, :2]
     step = middle - (support.x, support.y)
     return bool(support.across[0] * step[1] - support.across[1] * step[0] > 0)
 
@@ -653,7 +653,8 @@ def numbered(
     Parameters
     ----------
     same : pairs of wires that are one conductor in two positions; the second goes on in other spans
-        only where one begins at its end, as where it was not found another conductor would follow
+        only where one begins at its end, as where it was not found another conductor would follow,
+        and in no wire of a span with such pairs that is in none: it was not followed well
     """
     if not wires:
         return []
@@ -661,9 +662,11 @@ def numbered(
     for a, b in same:
         link[a, b] = True
     every, again = set(range(len(wires))), {b for _, b in same}
+    swung = {wires[b].span for b in again}
+    may = again | {k for k in every if wires[k].span not in swung}
     for number in range(len(supports)):
         met = list(meeting(wires, every - again, number, SETTINGS.network.join_aside))
-        left = every - {k for pair in met for k in pair}
+        left = may - {k for pair in met for k in pair}
         more = meeting(wires, left, number, SETTINGS.continued.same_wire)
         met += [pair for pair in more if again & {*pair}]
         for a, b in met:

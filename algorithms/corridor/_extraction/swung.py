@@ -8,37 +8,81 @@ lengths or they would touch, and those of a bundle are as far apart at their end
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, apart_wires, end_at, on_wire
+from algorithms.corridor._settings import SETTINGS
+from algorithms.shared.kernels.sorting import distinct
 from toolbox.context import log
 
 
 def seen_twice(corridor: Corridor, wires: Sequence[Wire]) -> list[tuple[int, int]]:
     """Pairs of wires that are one conductor in two positions; the nearest at their ends first.
 
-    Each strip shows a conductor in one position. Where strips are known, most points of both wires
-    are of different ones.
+    Where strips are known, most points of both wires are of different ones.
     """
-    strip = [strip_of(corridor, wire) for wire in wires]
+    return in_two_positions(wires, [strip_of(corridor, wire) for wire in wires])
+
+
+def in_two_positions(wires: Sequence[Wire], strip: Sequence[int]) -> list[tuple[int, int]]:
+    """Pairs of wires, each of a strip, that are one conductor, as each strip shows it once.
+
+    Where some of a span were seen twice the others were, too, though few points may not tell how
+    they hang: those are pairs that end at the same places.
+    """
     found: list[tuple[int, int]] = []
     met: set[tuple[int, int]] = set()
-    for _, a, b in sorted(swings(wires)):
-        sides = {(a, strip[b]), (b, strip[a])}
-        if (strip[a] != strip[b] or not strip[a]) and not sides & met:
-            found.append((a, b))
-            met |= sides
+
+    def pair(candidates: Iterable[tuple[float, int, int]]) -> None:
+        for _, a, b in sorted(candidates):
+            sides = {(a, strip[b]), (b, strip[a])}
+            if (strip[a] != strip[b] or not strip[a]) and not sides & met:
+                found.append((a, b))
+                met.update(sides)
+
+    pair(swings(wires))
+    swung = {wires[a].span for a, _ in found}
+    pair(
+        (away, a, b)
+        for away, a, b in beside(wires)
+        if wires[a].span in swung and away < SETTINGS.continued.same_wire
+    )
     return found
 
 
 def strip_of(corridor: Corridor, wire: Wire) -> int:
     """The strip of most points on a wire; 0 where it is not known."""
     return int(np.bincount(corridor.strip[on_wire(corridor, wire)[0]], minlength=1).argmax())
+
+
+def strips_disagree(corridor: Corridor, wires: Sequence[Wire]) -> bool:
+    """Whether wind moved any conductor between strips, by the points of each on every wire.
+
+    Conductors close to each other are mixed then: those of one strip lie where others of the next
+    strip do, and wires were followed from one to the other. One strip cannot disagree.
+    """
+    if len(distinct(corridor.strip)) < 2:
+        return False
+    seen = [one for wire in wires for one in positions(corridor, wire)]
+    return bool(in_two_positions([one for one, _ in seen], [number for _, number in seen]))
+
+
+def positions(corridor: Corridor, wire: Wire) -> Iterator[tuple[Wire, int]]:
+    """A wire as each strip shows it, with the number of the strip."""
+    near = on_wire(corridor, wire)[0]
+    for number in distinct(corridor.strip[near]).tolist():
+        own = near[corridor.strip[near] == number]
+        curve = fit(corridor.air.xyz[own], spread=corridor.own_radius)
+        if curve is not None:
+            ends = curve.along(wire.curve.ends)[0]
+            held = wire.supports if ends[0] < ends[1] else wire.supports[::-1]
+            yield replace(wire, curve=curve.between(ends.min(), ends.max()), supports=held), number
 
 
 def swings(wires: Sequence[Wire]) -> Iterator[tuple[float, int, int]]:
@@ -48,16 +92,20 @@ def swings(wires: Sequence[Wire]) -> Iterator[tuple[float, int, int]]:
     so its ends move, but by less than half as much as wind moves its middle against them. The
     lengths by which both hang differ by less than that, too: by the temperature, and their errors.
     """
-    for a, b in itertools.combinations(range(len(wires)), 2):
-        one, other = wires[a], wires[b]
-        held = [n for n in one.supports if n >= 0 and n in other.supports]
-        if one.span != other.span or not held:
-            continue
-        ends = max(float(np.linalg.norm(end_at(one, n) - end_at(other, n))) for n in held)
-        hangs = hang(one.curve), hang(other.curve)
+    for ends, a, b in beside(wires):
+        hangs = hang(wires[a].curve), hang(wires[b].curve)
         longer = abs(float(np.linalg.norm(hangs[0]) - np.linalg.norm(hangs[1])))
         if 2 * max(ends, longer) < np.linalg.norm(hangs[0] - hangs[1]):
             yield ends, a, b
+
+
+def beside(wires: Sequence[Wire]) -> Iterator[tuple[float, int, int]]:
+    """Pairs of wires of one span, and how far apart they are at the supports of both, metres."""
+    for a, b in itertools.combinations(range(len(wires)), 2):
+        one, other = wires[a], wires[b]
+        held = [n for n in one.supports if n >= 0 and n in other.supports]
+        if one.span == other.span and held:
+            yield max(float(np.linalg.norm(end_at(one, n) - end_at(other, n))) for n in held), a, b
 
 
 def hang(curve: Catenary) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._extraction.spans import Wire, numbered
 from algorithms.corridor._extraction.supports import Support
-from algorithms.corridor._extraction.swung import seen_twice
+from algorithms.corridor._extraction.swung import seen_twice, strips_disagree
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 
@@ -57,6 +57,39 @@ def test_a_conductor_seen_in_two_positions_is_one(caplog: pytest.LogCaptureFixtu
     assert "span 1, 2, 3: conductors were seen in two positions" in caplog.text
     assert "up to 2.1 m apart" in caplog.text  # 2 x 8 m x sin(7.5 degrees)
     assert (frame.sd_swing < 0.6).all()  # each wind swings the wires by one angle
+
+
+def on_poles(winds: Sequence[float]) -> PointCloud:
+    """Six short spans of three wires so close that one strip shows one where another hung."""
+    places, top, offsets = range(0, 385, 64), 12.0, (-0.75, 0.0, 1.4)
+    parts, strips = [ground(384, 30, 6)], [1]
+    for strip, degrees in enumerate(winds, start=1):
+        for (a, b), y in itertools.product(itertools.pairwise(places), offsets):
+            points = wire((a, y, top), (b, y, top), 350, 0.5, seed=7919 * strip)[1]
+            turn, hang = math.radians(degrees), top - points[:, 2]
+            aside = [0 * hang, hang * math.sin(turn), hang * (1 - math.cos(turn))]
+            parts.append(points + np.column_stack(aside))
+            strips.append(strip)
+    parts += [pole(x, 0.0, top + 0.5, half=1.5) for x in places]
+    strips += [1] * len(places)
+    source = np.repeat(strips, [len(part) for part in parts]).astype(np.uint16)
+    return cloud(*parts).with_attributes({"point_source_id": source})
+
+
+def test_close_wires_are_followed_in_each_strip_by_itself() -> None:
+    """Followed in both at once they were mixed: 1 or 2 conductors of 3 were counted."""
+    frame = CorridorExtract(points=on_poles((8.0, 23.0))).run().wires.frame
+    assert (frame.conductors == 3).all()
+    assert frame.wire_id.nunique() == 3
+    assert (frame.groupby(["span_id", "wire_id"]).size() == 2).all()
+    assert frame.rms.median() < 0.05  # metres; points scatter by 0.03
+
+
+def test_strips_disagree_only_where_there_are_two() -> None:
+    both = [hung(8.0), hung(23.0)]
+    assert strips_disagree(surveyed(both, (1, 2)), both)
+    assert not strips_disagree(surveyed(both, (0, 0)), both)  # not known
+    assert not strips_disagree(surveyed([hung(8.0), hung(8.0)], (1, 2)), [hung(8.0)])
 
 
 def test_the_conductors_of_a_bundle_stay_two_in_any_wind(caplog: pytest.LogCaptureFixture) -> None:

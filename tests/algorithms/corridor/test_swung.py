@@ -16,7 +16,7 @@ from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._extraction.spans import Wire, numbered
 from algorithms.corridor._extraction.supports import Support
-from algorithms.corridor._extraction.swung import seen_twice, strips_disagree
+from algorithms.corridor._extraction.swung import in_two_positions, seen_twice, strips_disagree
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 
@@ -182,3 +182,26 @@ def test_a_position_goes_on_where_a_piece_hardly_sags() -> None:
     support = Support(0.0, 0.0, (0.0, 1.0), (-3.0, 5.0), HEIGHT, HEIGHT, 0.0, 1.0)
     found = numbered(wires, [support] * 2, [(0, 1)])
     assert [wire.wire for wire in found] == [1, 1, 2, 1, 1, 2]
+
+
+def test_of_a_swung_span_wires_that_end_at_the_same_places_are_one() -> None:
+    """Where five points do not tell how a wire swings, its conductor was counted twice."""
+    odd = [hung(8.0, aside=5.0), hung(8.0, aside=5.2)]
+    wires = [hung(8.0), hung(23.0), *odd]
+    assert in_two_positions(wires, (1, 2, 1, 2)) == [(0, 1), (2, 3)]
+    assert in_two_positions([hung(8.0), hung(8.0, aside=0.2)], (1, 2)) == []  # of a still span
+    far = [*wires[:2], hung(8.0, aside=5.0), hung(8.0, aside=5.5)]
+    assert in_two_positions(far, (1, 2, 1, 2)) == [(0, 1)]
+
+
+def test_a_wire_without_a_second_position_beside_such_goes_on_in_none() -> None:
+    """One that changed over from one conductor to the next made both one in the whole line."""
+    first = [hung(8.0), hung(23.0), hung(8.0, aside=4.0), hung(8.0, aside=4.3)]
+    second = [
+        hung(degrees, aside=aside, start=160.0, supports=(1, 2))
+        for degrees, aside in ((8.0, 0.0), (8.0, 4.0), (23.0, 4.3))
+    ]
+    wires = [replace(wire, bundle=k) for k, wire in enumerate([*first, *second])]
+    support = Support(0.0, 0.0, (0.0, 1.0), (-3.0, 5.0), HEIGHT, HEIGHT, 0.0, 1.0)
+    found = numbered(wires, [support] * 3, [(0, 1), (5, 6)])
+    assert [wire.wire for wire in found] == [1, 1, 2, 3, 1, 2, 2]

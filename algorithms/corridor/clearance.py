@@ -31,7 +31,12 @@ from algorithms.corridor._clearance.crossings import (
     with_lines,
 )
 from algorithms.corridor._clearance.distances import Least, Violations, find_violations
-from algorithms.corridor._clearance.hanging import HANGING, hanging_objects, parted_from_hanging
+from algorithms.corridor._clearance.hanging import (
+    HANGING,
+    above_wires,
+    hanging_objects,
+    parted_from_hanging,
+)
 from algorithms.corridor._clearance.layers import apart, object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.missed import (
@@ -933,6 +938,18 @@ class CorridorClearance:
                 "%d points hang in mid-air on a wire, a tower or by themselves: not sure whether "
                 "they are plants or parts of the line",
                 len(found),
+            )
+        above = dict(above_wires(surroundings, line, LEAST_REACH))
+        points = np.unique(np.concatenate([*above.values(), np.empty(0, np.int64)]))
+        if len(points) >= self.min_points:
+            x, y, _ = surroundings.xyz[points[0]] * self.points.metre + line.origin
+            log.warning(
+                "%d points hang in mid-air above all wires of spans %s, the first at %.10g, %.10g: "
+                "if they are no birds, an earth wire was not found",
+                len(points),
+                ", ".join(map(str, above)),
+                x,
+                y,
             )
         count = int((surroundings.hanging >= 0).sum()) - len(found)
         if count:

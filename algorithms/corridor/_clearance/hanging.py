@@ -7,7 +7,7 @@ line that was not recognised. Nobody can be sure, so it is told apart and neithe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from algorithms.corridor._clearance.distances import (
     TAKES_NO_PART,
     Violations,
+    distances,
     find_violations,
     nearest_wires,
 )
@@ -131,6 +132,27 @@ def near_others(xyz: Floats, others: Floats, free_air: float) -> NDArray[np.bool
     for number, own in enumerate(found):
         near[number] = bool((others[own, 2] > xyz[number, 2] - free_air).any())
     return near
+
+
+def above_wires(
+    surroundings: Surroundings, line: LineStates, beside: float
+) -> Iterator[tuple[int, Ints]]:
+    """Spans, each with what hangs in mid-air above all its wires: an earth wire may be missing.
+
+    Parameters
+    ----------
+    beside : metres to the side of a wire of the span
+    """
+    some = np.flatnonzero(surroundings.hanging >= 0)
+    for span in line.spans:
+        above, near = np.ones(len(some), bool), np.zeros(len(some), bool)
+        for curve, own in zip(line.curves[0], line.span, strict=True):
+            if own == span and len(some):
+                _, below, aside, u = distances(surroundings.xyz[some], curve).T
+                above &= below < 0
+                near |= (aside <= beside) & (u > 0) & (u < curve.length)
+        if (above & near).any():
+            yield span, some[above & near]
 
 
 def hanging_objects(

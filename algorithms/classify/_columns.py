@@ -49,8 +49,13 @@ REFUSED = {
 }
 TREES = {
     "id": Column("Tree"),
-    "height": Column("Height", "unit", 1),
-    "elevation": Column("Elevation of the top", "unit", 2),
+    "height": Column("Height", "unit", 1, meaning="Above the ground below the top"),
+    "elevation": Column(
+        "Elevation of the top",
+        "unit",
+        2,
+        meaning="Of the point highest above its ground: on uneven ground others may lie higher",
+    ),
     "crown_area": Column("Area of the crown", "unit²", 1),
     "crown_diameter": Column("Diameter of the crown", "unit", 1),
     "points": Column("Points"),

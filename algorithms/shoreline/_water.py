@@ -731,8 +731,8 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             low, high = one.level.parts
             log.warning(
                 "points: %s stands at two levels side by side, %s and %s: flown at other "
-                "times, or strips do not fit. Its level is the mean of its points; its interval "
-                "holds both",
+                "times, strips that do not fit, or a step within a strip. Its level is the mean "
+                "of its points; its interval holds both",
                 name_of(cells, one),
                 in_unit(cells, low),
                 in_unit(cells, high),
@@ -756,10 +756,10 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
             )
         elif len(some := _shoreless(cells, one)) * cells.area >= LARGE * metre**2:
             log.warning(
-                "points: about %.0f m2 of %s returned nothing, and all ground beside is more "
-                "than %g m above its level, as at %.1f,%.1f: a gap of the data, a pool above a "
-                "weir, or cliffs, walls or crowns. It counts as water, but its outline may be no "
-                "shore",
+                "points: about %.0f m2 of %s returned nothing, and all that is seen beside, of "
+                "whatever class, is more than %g m above its level, as at %.1f,%.1f: crowns or "
+                "decks that hide the ground, walls, a gap of the data, or a pool above a weir. It "
+                "counts as water, but its outline may be no shore",
                 _area_of(cells, some),
                 name_of(cells, one),
                 WALL,
@@ -807,7 +807,7 @@ def _hidden(cells: CellGrid, water: Water) -> float:
 
 
 def _shoreless(cells: CellGrid, water: Water) -> Ints:
-    """Cells of a water without points that are nearest to ground far above its level."""
+    """Cells of a water without points that are nearest to points far above its level."""
     (top, left), wet = window(cells.lattice, water.body.cells, REACH)
     here = np.s_[top : top + wet.shape[0], left : left + wet.shape[1]]
     empty = cells.count[here] == 0

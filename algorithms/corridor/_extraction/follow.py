@@ -53,7 +53,12 @@ from algorithms.corridor._extraction.supports import (
     may_hold,
     supports_of,
 )
-from algorithms.corridor._extraction.swung import seen_twice, strips_disagree
+from algorithms.corridor._extraction.swung import (
+    in_two_positions,
+    seen_twice,
+    strip_of,
+    strips_disagree,
+)
 from algorithms.corridor._extraction.towers import all_centred, compared
 from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
@@ -555,7 +560,8 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
     wires = [wire for wire in wires if not is_arm(wire, supports)]
     wires, supports = along_the_line(wires, supports)
     wires = [to_supports(wire, supports) for wire in wires]
-    return numbered(wires, supports, seen_twice(corridor, wires)), supports
+    strip = [strip_of(corridor, wire) for wire in wires]
+    return numbered(wires, supports, in_two_positions(wires, strip), strip), supports
 
 
 def numbered_anew(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:

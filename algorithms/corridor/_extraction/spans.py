@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 
@@ -646,32 +646,33 @@ def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> 
 
 
 def numbered(
-    wires: Sequence[Wire], supports: Sequence[Support], same: Sequence[tuple[int, int]] = ()
+    wires: Sequence[Wire],
+    supports: Sequence[Support],
+    same: Sequence[tuple[int, int]] = (),
+    strip: Sequence[int] = (),
 ) -> list[Wire]:
     """Wires with conductor and bundle numbers that are the same in all spans.
 
     Parameters
     ----------
+    strip : of each wire, that of most of its points; without it any wires may be one
     same : pairs of wires that are one conductor in two positions; the second goes on in other spans
         only where one begins at its end, as where it was not found another conductor would follow,
         and in no wire of a span with such pairs that is in none: it was not followed well
     """
     if not wires:
         return []
-    link = np.zeros((len(wires), len(wires)), bool)
-    for a, b in same:
-        link[a, b] = True
     every, again = set(range(len(wires))), {b for _, b in same}
     swung = {wires[b].span for b in again}
     may = again | {k for k in every if wires[k].span not in swung}
+    pairs = list(same)
     for number in range(len(supports)):
         met = list(meeting(wires, every - again, number, SETTINGS.network.join_aside))
         left = may - {k for pair in met for k in pair}
         more = meeting(wires, left, number, SETTINGS.continued.same_wire)
-        met += [pair for pair in more if again & {*pair}]
-        for a, b in met:
-            link[a, b] = True
-    chain = in_order(connected_components(coo_array(link), directed=False)[1])
+        pairs += [*met, *(pair for pair in more if again & {*pair})]
+    chain = in_order(chained(wires, pairs, same, strip or range(len(wires))))
+    link = chain[:, None] == chain
     for own in {wire.bundle for wire in wires}:
         mine = [k for k, wire in enumerate(wires) if wire.bundle == own]
         link[mine[0], mine[1:]] = True
@@ -682,6 +683,38 @@ def numbered(
         replace(wire, wire=int(chain[k]) + 1, bundle=int(bundle[k]) + 1)
         for k, wire in enumerate(wires)
     ]
+
+
+def chained(
+    wires: Sequence[Wire],
+    pairs: Iterable[tuple[int, int]],
+    same: Sequence[tuple[int, int]],
+    strip: Sequence[int],
+) -> NDArray[np.int32]:
+    """Number of the chain of each wire, array of shape (n,), of pairs that are joined in turn.
+
+    A chain holds one wire of a span and strip: a pair that would join two is left out, or one
+    wrong pair made two conductors one along all of a line.
+
+    Parameters
+    ----------
+    pairs : the surest first
+    same : those of one span that are one conductor in two positions, whatever their strips
+    strip : of each wire
+    """
+    alike = {*same} | {(b, a) for a, b in same}
+
+    def may_be_one(a: int, b: int) -> bool:
+        return wires[a].span != wires[b].span or strip[a] != strip[b] or (a, b) in alike
+
+    chain = [{k} for k in range(len(wires))]
+    for one, other in pairs:
+        rest = chain[other] - chain[one]
+        if all(may_be_one(a, b) for a in chain[one] for b in rest):
+            joint = chain[one] | chain[other]
+            for k in joint:
+                chain[k] = joint
+    return np.array([min(own) for own in chain], np.int32)
 
 
 def twins(wires: Sequence[Wire]) -> Iterator[tuple[int, int]]:

@@ -8,6 +8,7 @@ lengths or they would touch, and those of a bundle are as far apart at their end
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -34,7 +35,8 @@ def in_two_positions(wires: Sequence[Wire], strip: Sequence[int]) -> list[tuple[
     """Pairs of wires, each of a strip, that are one conductor, as each strip shows it once.
 
     Where some of a span were seen twice the others were, too, though few points may not tell how
-    they hang: those are pairs that end at the same places.
+    they hang: those are pairs that end at the same places, or that are left where each strip shows
+    as many.
     """
     found: list[tuple[int, int]] = []
     met: set[tuple[int, int]] = set()
@@ -48,12 +50,22 @@ def in_two_positions(wires: Sequence[Wire], strip: Sequence[int]) -> list[tuple[
 
     pair(swings(wires))
     swung = {wires[a].span for a, _ in found}
+    twice = swung & shown_alike(wires, strip)
     pair(
         (away, a, b)
         for away, a, b in beside(wires)
-        if wires[a].span in swung and away < SETTINGS.continued.same_wire
+        if wires[a].span in twice
+        or (wires[a].span in swung and away < SETTINGS.continued.same_wire)
     )
     return found
+
+
+def shown_alike(wires: Sequence[Wire], strip: Sequence[int]) -> set[int]:
+    """Spans of which two strips or more show as many wires each."""
+    shown: dict[int, Counter[int]] = {}
+    for wire, number in zip(wires, strip, strict=True):
+        shown.setdefault(wire.span, Counter())[number] += 1
+    return {span for span, own in shown.items() if len(own) > 1 == len({*own.values()})}
 
 
 def strip_of(corridor: Corridor, wire: Wire) -> int:
@@ -124,8 +136,8 @@ def warn_of_swung(wires: Sequence[Wire]) -> None:
     if apart:
         log.warning(
             "span %s: conductors were seen in two positions, up to %.1f m apart, as wind swung "
-            "them between flights; each counts once, and clearances and sags hold for each "
-            "position as it was seen",
+            "them between flights; each counts once, which is not sure where they hang close "
+            "together, and clearances and sags hold for each position as it was seen",
             ", ".join(str(span) for span in sorted({span for span, _ in apart})),
             max(away for _, away in apart),
         )

@@ -14,7 +14,7 @@ from scenes.corridors import Floats, cloud, ground, pole, wire
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne
-from algorithms.corridor._extraction.spans import Wire, numbered
+from algorithms.corridor._extraction.spans import Wire, chained, numbered
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.swung import in_two_positions, seen_twice, strips_disagree
 from algorithms.corridor.extract import CorridorExtract
@@ -190,8 +190,24 @@ def test_of_a_swung_span_wires_that_end_at_the_same_places_are_one() -> None:
     wires = [hung(8.0), hung(23.0), *odd]
     assert in_two_positions(wires, (1, 2, 1, 2)) == [(0, 1), (2, 3)]
     assert in_two_positions([hung(8.0), hung(8.0, aside=0.2)], (1, 2)) == []  # of a still span
-    far = [*wires[:2], hung(8.0, aside=5.0), hung(8.0, aside=5.5)]
-    assert in_two_positions(far, (1, 2, 1, 2)) == [(0, 1)]
+    far = [*wires[:2], hung(8.0, aside=5.0), hung(8.0, aside=5.5), hung(8.0, aside=9.0)]
+    assert in_two_positions(far, (1, 2, 1, 2, 2)) == [(0, 1)]
+
+
+def test_what_is_left_of_a_swung_span_is_one_where_each_strip_shows_as_many() -> None:
+    """The ends of a wire of few points may be half a metre off: 4 conductors were told for 3."""
+    wires = [hung(8.0), hung(23.0), hung(8.0, aside=5.0), hung(8.0, aside=5.5)]
+    assert in_two_positions(wires, (1, 2, 1, 2)) == [(0, 1), (2, 3)]
+
+
+def test_one_wrong_pair_makes_no_two_conductors_one() -> None:
+    """Wires of one strip and span are conductors of their own, whatever joins them elsewhere."""
+    wires = [hung(aside=aside) for aside in (0.0, 0.5)]
+    wires += [hung(aside=aside, start=160.0, supports=(1, 2)) for aside in (0.0, 0.5)]
+    pairs = [(0, 2), (1, 3), (1, 2)]
+    assert chained(wires, pairs, [], (1, 1, 1, 1)).tolist() == [0, 1, 0, 1]
+    assert chained(wires, pairs, [], (1, 2, 1, 2)).tolist() == [0, 0, 0, 0]
+    assert chained(wires, pairs, [(0, 1), (2, 3)], (0, 0, 0, 0)).tolist() == [0, 0, 0, 0]
 
 
 def test_a_wire_without_a_second_position_beside_such_goes_on_in_none() -> None:

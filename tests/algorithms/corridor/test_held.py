@@ -282,9 +282,7 @@ def test_poles_are_seen_once_and_only_where_much_of_them_is() -> None:
     nothing, unsure = support_at(30, body=0.45), support_at(90, sd_along=1.5)
     loose = replace(support_at(40), cuts=frozenset())
     tower = replace(support_at(50), high=16)  # which may be 8 m off at another tolerance
-    found = seen_supports(
-        [tried(support_at(60), nothing, unsure), tried(support_at(62), loose, tower)]
-    )
+    found = seen_supports([support_at(60), nothing, unsure, support_at(62), loose, tower])
     assert [one.x for one in found] == [60]
 
 

@@ -45,7 +45,7 @@ WATER = {
     "open_length": Column("Edge of the data in it", "m", 0),
     "islands": Column("Islands"),
     "uncertainty": Column("Standard error of the shore", "m", 2, never_zero=True),
-    "density": Column("Points on land around", "1/m²", 2),
+    "density": Column("Last returns per area, on land in all the survey", "1/m²", 2),
     "returned": Column("Returns, of those on the shore", "%", 0, 100.0),
     "darkness": Column("Darkness against the shore, 0 to 1", "", 2),
     "evidence": Column("What tells that it is water"),

@@ -23,6 +23,7 @@ from algorithms.classify._evidence import PointFeatures, once_each
 from algorithms.classify._outlines import margin
 from algorithms.classify._refused import warn_of_lost
 from algorithms.classify._squared import main_direction, squared
+from algorithms.classify._towers import warn_of_towers
 from algorithms.classify.buildings import ClassifyBuildings, on_planes
 from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
@@ -93,6 +94,23 @@ def test_a_house_is_found_with_its_outline_and_heights() -> None:
     found = out.classified["classification"] == 6
     assert row["points"] <= found.sum() <= 1.05 * row["points"]
     assert out.building_share == found.mean()
+
+
+@pytest.mark.parametrize(("size", "told"), [(4.0, True), (1.5, False)])
+def test_what_rises_above_the_ridge_is_told(
+    size: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A gate with a tower of 26 m was 11.4 m high: its spire lies on no plane."""
+    points = village()
+    building = points["truth"] == 6
+    xyz = points.xyz.copy()
+    tower = building & (abs(xyz[:, :2] - (500_015, 4_600_012)) < size / 2).all(axis=1)
+    xyz[tower, 2] += 15
+    house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
+    rows = [{"id": "gate", "geometry": house, "ridge": 108.0}]
+    warn_of_towers(rows, PointFeatures(points.with_xyz(xyz), 1.0, 3.0), building)
+    assert ("as with a tower or spire: 1; their" in caplog.text) == told
+    assert ("The most: gate, ridge 108.00, about 16 m2" in caplog.text) == told
 
 
 def test_a_house_at_the_edge_of_the_data_is_cut() -> None:

@@ -134,7 +134,9 @@ KINDS = {
     "nearest": Column("Nearest", "m", 2),
     "too close": Column("Too close"),
     "watched": Column("To be watched"),
-    "may fall": Column("May fall on a wire"),
+    "may fall": Column(
+        "May fall on a wire", "", 0, meaning="Empty: not looked at; of trees alone it is"
+    ),
     "near, no rule": Column("Near without a rule"),
     "points_0_20": SPANS["points_0_20"],
     "points_20_30": SPANS["points_20_30"],

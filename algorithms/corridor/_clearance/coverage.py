@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from algorithms.corridor._clearance.counted import ZONE_COLUMNS
 from algorithms.corridor._clearance.crossings import Crossing
 from algorithms.corridor._clearance.distances import Least, Violations
-from algorithms.corridor._clearance.objects import FALLING
+from algorithms.corridor._clearance.objects import FALLING, TREES
 from algorithms.corridor._clearance.rules import (
     KINDS,
     LINE,
@@ -43,7 +43,8 @@ OWN_SOURCE = "as far as these rules reach"
 BESIDE = "nothing is asked for what is beside the wire"
 BELOW = "nothing is asked for what is below the wire"
 NEAR = "near, no rule"
-WAYS = ("too close", "watched", "may fall", NEAR)
+FALL = "may fall"
+WAYS = ("too close", "watched", FALL, NEAR)
 
 
 @dataclass(frozen=True)
@@ -138,6 +139,7 @@ def coverage_of(
     nearest = least.distance.min(axis=(0, 1), initial=np.inf)
     broken = [(one.kind, one.rule) for one in objects]
     broken += [(LINE, one.rule) for one in crossings if one.rule >= 0]
+    may_fall = TREES if FALLING in rules else ()
     rows = []
     for number, (kind, distance) in enumerate(zip(KINDS, nearest.tolist(), strict=True)):
         own = [_way(rules[rule]) for other, rule in broken if other == kind]
@@ -147,6 +149,7 @@ def coverage_of(
                 "kind": kind,
                 "nearest": round(distance, 2) if math.isfinite(distance) else None,
                 **{way: own.count(way) for way in WAYS},
+                FALL: own.count(FALL) if number in may_fall else None,
                 **dict(zip(ZONE_COLUMNS, counts, strict=True)),
                 "rule": rules_for(kind, rules, sources=False),
             }
@@ -159,7 +162,7 @@ def _way(rule: Rule) -> str:
     if rule.severity == NO_RULE:
         return NEAR
     if rule.id == FALLING.id:
-        return "may fall"
+        return FALL
     return "watched" if rule.severity == "watch" else "too close"
 
 

@@ -1587,6 +1587,12 @@ def test_captions_and_the_basis_are_said_in_turkish() -> None:
             )
 
 
+def test_a_kind_that_is_not_looked_at_as_falling_has_no_count() -> None:
+    """Cranes that are higher than their distance read "0"."""
+    kinds = run(cloud(blob(150, 0, 5.0), 26))["report"].sections[0].blocks[0].table.frame
+    assert kinds[kinds["may fall"].notna()].kind.tolist() == ["tree", "unclassified"]
+
+
 def test_counts_of_kinds_are_those_of_the_summary() -> None:
     """Trees that will be too near when they have grown were counted as too close."""
     low = float(LEVEL.height(np.array(150.0)))
@@ -1594,6 +1600,7 @@ def test_counts_of_kinds_are_those_of_the_summary() -> None:
     found = run(points, distance=5.0, growth=4.0, falling=False)
     kinds = found["report"].sections[0].blocks[0].table.frame.set_index("kind")
     assert kinds.loc["tree", ["too close", "watched"]].tolist() == [1, 1]
+    assert kinds["may fall"].isna().all()
     assert (found["critical_count"], found["watch_count"]) == (1, 1)
     assert found["object_count"] == 1, "too close, as in the summary"
     (spans,) = found["spans"].frame.to_dict("records")

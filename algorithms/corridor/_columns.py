@@ -80,7 +80,7 @@ SPANS = {
     "from_tower": Column("From tower (0: end of the data)"),
     "to_tower": Column("To tower (0: end of the data)"),
     "conductors": Column(
-        "Conductors found", "", 0, meaning="Earth wires count as well, and a bundle as one"
+        "Conductors found", "", 0, meaning="Guard wires count as well, and a bundle as one"
     ),
     "expected": Column("Conductors in neighbouring spans", "", 0),
     "seen_share": Column("Seen of the conductor seen least", "%", 0, 100.0),

@@ -945,7 +945,7 @@ class CorridorClearance:
             x, y, _ = surroundings.xyz[points[0]] * self.points.metre + line.origin
             log.warning(
                 "%d points hang in mid-air above all wires of spans %s, the first at %.10g, %.10g: "
-                "if they are no birds, an earth wire was not found",
+                "if they are no birds, a guard wire was not found",
                 len(points),
                 ", ".join(map(str, above)),
                 x,

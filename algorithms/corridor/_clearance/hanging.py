@@ -137,7 +137,7 @@ def near_others(xyz: Floats, others: Floats, free_air: float) -> NDArray[np.bool
 def above_wires(
     surroundings: Surroundings, line: LineStates, beside: float
 ) -> Iterator[tuple[int, Ints]]:
-    """Spans, each with what hangs in mid-air above all its wires: an earth wire may be missing.
+    """Spans, each with what hangs in mid-air above all its wires: a guard wire may be missing.
 
     Parameters
     ----------

@@ -112,7 +112,7 @@ SPAN_CAPTION = (
     "For each span and state of the wires: the least distances in space to what is near the wires "
     "in plan. Clearance is that to the nearest object; at other temperatures, see Temperature of "
     "the wires. The swing is empty where the wires sag too little to tell. A bundle counts as one "
-    "conductor, and so do an earth wire, and two positions of a wire that wind swung between "
+    "conductor, and so do a guard wire, and two positions of a wire that wind swung between "
     "flights. Wire-like points have the shape of a wire, and are none"
 )
 KIND_CAPTION = (

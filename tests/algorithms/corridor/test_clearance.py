@@ -383,11 +383,11 @@ def test_the_rule_tables_hold_no_notes_of_their_makers_to_themselves() -> None:
 def test_what_hangs_above_all_wires_may_be_an_earth_wire(
     count: int, up: float, told: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Of a line in hills 14 points were seen of the earth wires, and nothing said so."""
+    """Of a line in hills 14 points were seen of the guard wires, and nothing said so."""
     run(hung(*(bits(150.0 + 9 * k, -up, 1) for k in range(count))), distance=2.0)
     text = f"3 points hang in mid-air above all wires of spans 1, the first at {EAST + 150:.10g}"
     assert (text in caplog.text) == told
-    assert ("an earth wire was not found" in caplog.text) == told
+    assert ("a guard wire was not found" in caplog.text) == told
 
 
 def test_what_hangs_far_from_all_rules_is_told() -> None:

@@ -1331,7 +1331,7 @@ def test_of_a_real_line_that_is_whole_nothing_is_told(
 ) -> None:
     path = DATA / "powerline_ahn4" / f"{tile}_as_published.laz"
     frame = CorridorExtract(points=PointCloud.open(path, assume_crs=CRS(28992))).run().wires.frame
-    assert (frame.conductors == 8).all()  # two circuits of twin bundles, and two earth wires
+    assert (frame.conductors == 8).all()  # two circuits of twin bundles, and two guard wires
     assert (frame.expected == 8).all()
     assert frame.seen_share.min() > 0.9
     assert not caplog.text

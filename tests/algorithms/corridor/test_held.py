@@ -473,7 +473,7 @@ def test_frames_are_found_the_same_wherever_cells_begin() -> None:
 
 @pytest.mark.parametrize("birds", [0, 2])
 def test_the_top_of_a_dense_tower_is_that_of_its_peak(birds: int) -> None:
-    """A peak of the earth wire holds few of thousands of points; two birds sit above it."""
+    """A peak of the guard wire holds few of thousands of points; two birds sit above it."""
     body, peak = np.linspace(2.0, 44.0, 4000), [44.67, 45.14, 45.43]  # as a real one has it
     assert top_of(np.concatenate([body, peak, np.full(birds, 48.0)])) == 45.43
     assert top_of(np.concatenate([body, np.full(birds, 45.1)])) == 44.0

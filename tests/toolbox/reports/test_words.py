@@ -195,19 +195,22 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     row |= {"geometry": shapely.Point(0, 0)}
     water = Vector(geopandas.GeoDataFrame([row], geometry="geometry", crs=CRS))
     numbers = {"level": 3.5, "level_error": 0.01, "level_interval": 0.02, "area": 900.0, "count": 1}
+    numbers |= {"detail": 1.0, "least_area": 250.0, "narrowest": 2.7}
     layers = dict.fromkeys(
         ("water", "shoreline", "vertices", "other_waters", "other_bodies"), water
     )
-    made = outputs(**layers, detail=1.0, **numbers)
+    made = outputs(**layers, **numbers)
     assert made.in_words() == (
         "One water body of 900 m² in all, 20 m² more or less; its level is 3.500 m, ± 0.020 m "
         "within the survey (95 % intervals); an error that all of its heights have in common comes "
         "on top."
     )
     water = Vector(water.frame.assign(level_interval=0.0002))
-    exact = outputs(**{**layers, "water": water}, detail=1.0, **numbers)
+    exact = outputs(**{**layers, "water": water}, **numbers)
     assert "3.500 m, ± 0.001 m within" in exact.in_words(), "not 0.000"
-    hidden, unseen = made.not_looked_at()
+    small, hidden, unseen = made.not_looked_at()
+    assert small.startswith("Waters of less than 250 m²")
+    assert "narrower than 2.7 m" in small
     assert "below bridges, decks and wide woods, and behind jetties and moored boats" in hidden
     assert "40 m of 100 m of its outline is the edge of the data" in unseen
 

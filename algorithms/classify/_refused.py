@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import BUILDING, FOOT, PointFeatures
 from algorithms.classify._outlines import TOUCHING, name_of, without_spikes
+from algorithms.classify._sorted_points import SortedPoints
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.data_edge import cut
-from algorithms.shared.polygons import Polygons
 from toolbox.context import log
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError
@@ -122,13 +122,11 @@ def _without_building(
     shapes = shapes[~shapely.is_empty(shapes)]
     at_edge = cut(list(shapes), xyz, lengths.spacing, given.metre)
     shapes = shapes[shapely.area(shapes) >= np.where(at_edge, AT_EDGE, 1.0) * least]
+    points = SortedPoints.of(xyz, given.metre)
     around = shapely.buffer(shapes, TOUCHING * given.metre)  # their corners are points, too
-    counts = [
-        [np.count_nonzero(Polygons.of(np.array([one])).hold(xyz[some, :2])) for some in (lost, was)]
-        for one in around
-    ]
-    of_lost, of_all = np.reshape(counts, (-1, 2)).T
-    empty = 2 * of_lost > of_all
+    inside = [points.within(one, xyz, was) for one in around]
+    of_lost = np.array([np.count_nonzero(lost[one]) for one in inside], np.int64)
+    empty = 2 * of_lost > [len(one) for one in inside]
     return shapes[empty], int(of_lost[empty].sum())
 
 

@@ -115,10 +115,10 @@ def _has_ground_between(body: Body, features: PointFeatures, roof: Mask, spacing
     """
     reach = AROUND * features.cloud.metre
     edge = shapely.get_coordinates(shapely.segmentize(shapely.boundary(body.outline), spacing))
-    others, height = roof.copy(), features.terrain[1]
-    others[body.points] = False
+    near = features.within(shapely.box(*shapely.buffer(body.outline, reach).bounds))
+    height, others = features.terrain[1][near], roof[near] & ~np.isin(near, body.points)
     to_roof, to_higher, to_ground = (
-        _distances(edge, features.xyz.compress(some, axis=0), reach)
+        _distances(edge, features.xyz[near[some]], reach)
         for some in (others, others & (height > HIGHEST), height < FOOT)
     )
     close = np.isfinite(to_roof)

@@ -33,9 +33,9 @@ from algorithms.corridor._clearance.crossings import (
 from algorithms.corridor._clearance.distances import Least, Violations, find_violations
 from algorithms.corridor._clearance.hanging import (
     HANGING,
-    above_wires,
     hanging_objects,
     parted_from_hanging,
+    warn_of_what_is_above,
 )
 from algorithms.corridor._clearance.layers import apart, object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance.matters import what_matters
@@ -939,18 +939,7 @@ class CorridorClearance:
                 "they are plants or parts of the line",
                 len(found),
             )
-        above = dict(above_wires(surroundings, line, LEAST_REACH))
-        points = np.unique(np.concatenate([*above.values(), np.empty(0, np.int64)]))
-        if len(points) >= self.min_points:
-            x, y, _ = surroundings.xyz[points[0]] * self.points.metre + line.origin
-            log.warning(
-                "%d points hang in mid-air above all wires of spans %s, the first at %.10g, %.10g: "
-                "if they are no birds, a guard wire was not found",
-                len(points),
-                ", ".join(map(str, above)),
-                x,
-                y,
-            )
+        warn_of_what_is_above(surroundings, line, LEAST_REACH, self.min_points, self.points.metre)
         count = int((surroundings.hanging >= 0).sum()) - len(found)
         if count:
             surroundings.left_out["Hang in mid-air, may be of the line, and are not near"] = count

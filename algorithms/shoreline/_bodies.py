@@ -586,7 +586,7 @@ class Pour:
         """
         holes = [
             (hole, self.reasons[int(hole[0])])
-            for hole in _patches(self.cells.hole, self.fewest)
+            for hole in patches(self.cells.hole, self.fewest)
             if int(hole[0]) in self.reasons
             and not wet.ravel()[hole].any()
             and not self.rim.ravel()[hole].any()
@@ -713,7 +713,7 @@ class Pour:
 def _below(cells: CellGrid, least: int) -> Floats:
     """Median of the lowest heights around each cell; amid holes, that of those at the edge."""
     below = cells.middle.copy()
-    for hole in _patches(cells.hole, least):
+    for hole in patches(cells.hole, least):
         heights = cells.low.ravel()[around(cells.lattice, hole, 1)]
         heights = heights[np.isfinite(heights)]
         inner = hole[np.isnan(below.ravel()[hole])]
@@ -743,7 +743,7 @@ class Hole(NamedTuple):
 
 def _holes(cells: CellGrid, least: int) -> Iterator[Hole]:
     """Holes in the data that have points at their edges."""
-    for hole in _patches(cells.hole, least):
+    for hole in patches(cells.hole, least):
         edge = around(cells.lattice, hole, 1)
         heights = cells.low.ravel()[edge]
         may_flow = is_long(cells, hole) or not cells.whole.ravel()[edge].all()
@@ -814,7 +814,7 @@ def _slopes(cells: CellGrid, where: Mask, spread: float, least: int) -> Iterator
     spread : of heights on such water, in metres
     """
     on_land = cells.density * cells.lattice.cell**2
-    for place in _patches(where, least):
+    for place in patches(where, least):
         heights = cells.middle.ravel()[place]
         level, tilt = fit(cells, place, heights)
         trend = tilt.at(place // cells.lattice.cols, place % cells.lattice.cols)
@@ -877,7 +877,7 @@ def _drained(cells: CellGrid, some: Ints) -> float:
 def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
     """Cells at one level each, from patches that are calm or of a class of water."""
     step = STEP * cells.metre
-    for place in _patches(where, least):
+    for place in patches(where, least):
         rest = place
         for _ in range(PEAKS):
             if len(rest) < least:
@@ -890,9 +890,14 @@ def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
             rest = rest[~at]
 
 
-def _patches(mask: Mask, least: int) -> Iterator[Ints]:
-    """Indices of the cells of each connected patch of at least `least` cells."""
-    labels, _ = ndimage.label(mask)
+def patches(mask: Mask, least: int, beside: NDArray[Any] | None = None) -> Iterator[Ints]:
+    """Indices of the cells of each connected patch of at least `least` cells.
+
+    Parameters
+    ----------
+    beside : which of 3 x 3 cells are connected to the middle one; by default those at its sides
+    """
+    labels, _ = ndimage.label(mask, beside)
     sizes = np.bincount(labels.ravel())
     order = np.argsort(labels.ravel(), kind="stable")
     ends = np.cumsum(sizes)

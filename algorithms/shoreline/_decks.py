@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from algorithms.shoreline._bodies import CellGrid
+from algorithms.shoreline._bodies import CellGrid, patches
 from algorithms.shoreline._outline import Outline
+from algorithms.shoreline._water import some_of
 
 BESIDE = 2.0  # cells: an outline runs between points, and half a cell is lost on each side
 LEAST = 10.0  # m2: what is smaller is a jetty, or single points
@@ -43,28 +44,24 @@ def decks(xy: NDArray[np.float64], outlines: Sequence[Outline], cells: CellGrid)
     outlines : of the waters
     cells : in which they were found
     """
+    if not len(xy):
+        return
     lattice = cells.lattice
     there = np.zeros(lattice.shape, bool)
     rows, cols = lattice.indices(*xy.T)
     inside = (rows >= 0) & (rows < lattice.rows) & (cols >= 0) & (cols < lattice.cols)
     there[rows[inside], cols[inside]] = True
-    parts, count = ndimage.label(there, EIGHT)
     waters = {one.number: shapely.MultiPolygon(one.polygons) for one in outlines}
-    half = lattice.cell / 2
-    for number in range(1, count + 1):
-        x, y = cells.centres(np.flatnonzero(parts == number)).T
+    half, reach = lattice.cell / 2, BESIDE * lattice.cell
+    for some in patches(there, math.ceil(LEAST * cells.metre**2 / cells.area), EIGHT):
+        x, y = cells.centres(some).T
         shape = shapely.union_all(shapely.box(x - half, y - half, x + half, y + half))
-        if shape.area < LEAST * cells.metre**2:
-            continue
-        reach = BESIDE * lattice.cell
         if met := [k for k, water in waters.items() if water.distance(shape) <= reach]:
             yield Deck(met, shape.area, shape.representative_point())
 
 
 def decks_in_words(found: Sequence[Deck], metre: float) -> str:
     """Text on bodies, size and place of each."""
-    from algorithms.shoreline._water import some_of
-
     ordered = sorted(found, key=lambda one: -one.area)
     return some_of(
         [

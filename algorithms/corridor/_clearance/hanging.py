@@ -24,7 +24,7 @@ from algorithms.corridor._clearance.distances import (
 from algorithms.corridor._clearance.objects import FALLING, TREES, groups, objects_by
 from algorithms.corridor._clearance.rules import OBJECTS, UNSURE, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 
 HANGING = Rule(
     "may be wire",
@@ -153,6 +153,32 @@ def above_wires(
                 near |= (aside <= beside) & (u > 0) & (u < curve.length)
         if (above & near).any():
             yield span, some[above & near]
+
+
+def warn_of_what_is_above(
+    surroundings: Surroundings, line: LineStates, beside: float, fewest: int, metre: float
+) -> None:
+    """Tell of points in mid-air above all wires of a span, if they are not too few.
+
+    Parameters
+    ----------
+    beside : see `above_wires`
+    fewest : points
+    metre : length of one metre in the unit of the data
+    """
+    above = dict(above_wires(surroundings, line, beside))
+    points = sorted({int(point) for own in above.values() for point in own})
+    if len(points) < fewest:
+        return
+    x, y, _ = surroundings.xyz[points[0]] * metre + line.origin
+    log.warning(
+        "%d points hang in mid-air above all wires of spans %s, the first at %.10g, %.10g: if they "
+        "are no birds, a guard wire was not found",
+        len(points),
+        ", ".join(map(str, above)),
+        x,
+        y,
+    )
 
 
 def hanging_objects(

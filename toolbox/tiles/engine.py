@@ -62,6 +62,7 @@ SMALLEST = 0.1  # metres: smaller tiles are taken for a mistake in the size
 RIM = 40.0  # metres that a raster may reach beyond all points: whole blocks of its cells
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
 _WORK, _LOCK = ".tiles-", "lock"  # beginning of the names of working folders; a file in them
+_REMOVAL = "removal"  # a file in a working folder of which some may be removed already
 
 
 def run(
@@ -344,7 +345,7 @@ def _working_folder(
             yield work
         return
     work = first.parent / f"{_WORK}{_key(job, plan.model, record)}"
-    goes_on = resume and work.exists()
+    goes_on = resume and work.exists() and not (work / _REMOVAL).exists()
     _tell_of_others(work, goes_on=goes_on, resume=resume)
     work.mkdir(mode=0o700, exist_ok=True)
     if not files.is_private(work):
@@ -357,15 +358,28 @@ def _working_folder(
     try:
         if goes_on:
             log.info("going on where an earlier run was stopped (%s)", work)
+        if not goes_on:
+            _empty(work, plan)
+            (work / _REMOVAL).unlink()
         for folder in _folders(work, plan):
-            if not goes_on:
-                shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True, exist_ok=True)
             tile_store.sweep(folder)
         yield work
+        _empty(work, plan)
         shutil.rmtree(work, ignore_errors=True)
     finally:
         lock.release()
+
+
+def _empty(work: Path, plan: TilePlan) -> None:
+    """Remove what a working folder holds, and mark it first.
+
+    A run that is killed meanwhile leaves tiles that have lost some of their points; by the mark,
+    none goes on from them.
+    """
+    (work / _REMOVAL).touch()
+    for folder in _folders(work, plan):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _tell_of_others(work: Path, *, goes_on: bool, resume: bool) -> None:

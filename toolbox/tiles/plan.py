@@ -142,9 +142,14 @@ class TilePlan:
         return {name: number for number, one in enumerate(self.passes) for name in one.keep}
 
     def spent(self, number: int) -> frozenset[str]:
-        """The stored results that nobody needs when this pass is done, by step.output."""
-        later = [name for one in self.passes[number + 1 :] for name in (*one.local, *one.rest)]
-        used = {need for name in later for need in self.model.steps[name].needs}
+        """The stored results that nobody needs when this pass is done, by step.output.
+
+        A run that goes on where one was killed does not run the tiles of this pass again, but the
+        steps on whole results, of which nothing is stored.
+        """
+        later = [name for one in self.passes[number + 1 :] for name in one.local]
+        whole = [name for one in self.passes for name in one.rest]
+        used = {need for name in (*later, *whole) for need in self.model.steps[name].needs}
         there = {name for one in self.passes[: number + 1] for name in one.keep}
         layers = {name for name in there if self.model.between[name].kind.is_layer}
         return frozenset(layers - used - self.wanted)

@@ -65,6 +65,7 @@ def pieces_of(folder: Path, name: str) -> list[Path]:
 def remove(folder: Path, name: str) -> None:
     """Remove the stored pieces of a result; the tiles themselves stay done."""
     for piece in pieces_of(folder, name):
+        (piece / tile_store.LAYER).unlink()  # first: a kill meanwhile leaves no half of a piece
         shutil.rmtree(piece)
         shutil.rmtree(piece.with_name(name + EXACT), ignore_errors=True)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -111,8 +112,10 @@ def header(path: Path) -> laspy.LasHeader:
         return stream.header
 
 
-def files(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+def files(folder: Path) -> dict[str, str]:
+    """The names of the files of a folder, with what tells their contents from others."""
+    paths = sorted(folder.iterdir())
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
 
 
 @pytest.mark.parametrize("before", [(plan, "surveys_of"), (engine, "Crew")])  # headers, points
@@ -283,9 +286,10 @@ def test_a_corrupt_file_among_good_ones(survey: Path, tiling: Tiling, tmp_path: 
     """Tiles near it fail by name, the files of others are there, and the run says what to do."""
     bad = tmp_path / "bad"
     bad.mkdir()
-    for name, content in files(survey).items():
+    for path in survey.iterdir():
+        content = path.read_bytes()
         broken = content[: len(content) // 2] + bytes(200) + content[len(content) // 2 + 200 :]
-        (bad / name).write_bytes(broken if name == "c.laz" else content)
+        (bad / path.name).write_bytes(broken if path.name == "c.laz" else content)
     values = {"points": bad, "where": "z < 20", "kept": f"{tmp_path}/out/"}
     with pytest.raises(DataError) as caught:
         toolbox.run("points.filter", values, tiling=replace(tiling, size=20.0))
@@ -386,6 +390,28 @@ def test_steps_that_wait_for_the_whole_run_on_tiles_in_another_pass(
     inside = PointCloud.open(files["inside"])
     np.testing.assert_array_equal(inside.xyz, whole["inside"].xyz)
     assert 0 < len(inside) < Survey.open(survey).count
+    np.testing.assert_array_equal(Raster.open(files["dtm"]).values, whole["dtm"].values)
+    for name in ("shapes", "again"):
+        assert Vector.open(files[name]).frame.geometry.equals(whole[name].frame.geometry)
+
+
+@pytest.mark.slow
+def test_steps_on_the_whole_are_run_again_where_a_run_goes_on(
+    survey: Path, tiling: Tiling, tmp_path: Path
+) -> None:
+    """What they need of earlier parts is kept: their shapes were empty."""
+    path = tmp_path / "passes.yaml"
+    path.write_text(PASSES)
+    files = {"dtm": tmp_path / "d.tif", "shapes": tmp_path / "s.gpkg", "again": tmp_path / "a.gpkg"}
+    values = {"points": survey, **files}
+    seen = [0.0]
+    ctx = Context(seen.append, lambda: seen[-1] > 0.95)  # while products are written
+    with pytest.raises(Cancelled):
+        toolbox.run(str(path), values, tiling=tiling, ctx=ctx)
+    assert list(tmp_path.glob(".tiles-*/1/tiles/*"))
+    found = toolbox.run(str(path), values, tiling=tiling, resume=True)
+    whole = toolbox.run(str(path), {"points": survey})
+    assert found["area"] == whole["area"]
     np.testing.assert_array_equal(Raster.open(files["dtm"]).values, whole["dtm"].values)
     for name in ("shapes", "again"):
         assert Vector.open(files[name]).frame.geometry.equals(whole[name].frame.geometry)
@@ -499,6 +525,30 @@ def test_cancel_stops_and_leaves_no_product(survey: Path, tiling: Tiling, tmp_pa
         toolbox.run("points.filter", values, tiling=tiling, ctx=ctx)
     assert not (tmp_path / "k.laz").exists()
     assert seen == sorted(seen)
+
+
+def test_what_is_removed_when_a_run_is_killed_is_not_gone_on_from(
+    survey: Path, tiling: Tiling, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tile was taken for done whose points had been removed, and they were missing."""
+    out = tmp_path / "out"
+    out.mkdir()
+    values = {"points": survey, "where": "z < 20", "kept": out / "k.laz"}
+    remove = shutil.rmtree
+
+    def killed(folder: Path, **how: Any) -> None:
+        pieces = sorted(folder.rglob("*.kept"))
+        remove(pieces[0] if pieces else folder, **how)
+        if pieces:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "rmtree", killed)
+        with pytest.raises(KeyboardInterrupt):
+            toolbox.run("points.filter", values, tiling=tiling)
+    whole = hashlib.sha256((out / "k.laz").read_bytes()).hexdigest()
+    toolbox.run("points.filter", values, tiling=tiling, overwrite=True, resume=True)
+    assert files(out) == {"k.laz": whole}
 
 
 @pytest.mark.slow

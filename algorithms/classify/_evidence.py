@@ -25,7 +25,7 @@ from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.kernels.sorting import sums_around
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import NAMES as RETURNS
-from algorithms.shared.returns import has_numbers, let_through
+from algorithms.shared.returns import ReturnNumbers, has_numbers, let_through
 from algorithms.shared.selection import of_classes
 from algorithms.shared.terrain import HALO as GROUND_HALO
 from algorithms.shared.terrain import find_terrain, height_above, verdict
@@ -230,6 +230,11 @@ class PointFeatures:
     def has_several_returns(self) -> bool:
         """Whether any pulse is known to have gone on after a return."""
         return bool(self.let_through.any())
+
+    @property
+    def has_numbers(self) -> bool:
+        """Whether it is known of any point which return of its pulse it is."""
+        return bool(ReturnNumbers.of(self.cloud).known.any())
 
     @functools.cached_property
     def around(self) -> Mapping[str, Floats]:

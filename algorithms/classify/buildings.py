@@ -305,7 +305,9 @@ class ClassifyBuildings:
             by_noise=lengths.by_noise,
             ground_classes=self.ground_classes,
         )
-        if not features.has_several_returns:
+        if not features.has_numbers:
+            log.warning("no return numbers are recorded: dense crowns may be taken for roofs")
+        elif not features.has_several_returns:
             log.warning("no pulse has several returns: dense crowns may be taken for roofs")
         return features
 

@@ -477,6 +477,19 @@ def test_without_returns_planes_decide(caplog: pytest.LogCaptureFixture) -> None
     assert agreement(out) > 0.9
 
 
+def test_returns_that_nobody_has_recorded_are_told_from_single_ones(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Zeros stand for what is not known: nothing is said of the pulses."""
+    points = village(several=False)
+    zero = np.zeros(len(points), np.uint8)
+    points = points.with_attributes({"return_number": zero, "number_of_returns": zero})
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        ClassifyBuildings(points=points).run()
+    assert "no return numbers are recorded: dense crowns" in caplog.text
+    assert "no pulse has several returns" not in caplog.text
+
+
 def test_other_classes_stay_and_old_buildings_go() -> None:
     points = village()
     old = points["classification"].copy()

@@ -228,6 +228,7 @@ def test_without_webgl_the_picture_stays(pages: dict[str, Path], driver: Any) ->
 def test_pages_fit_a_phone(name: str, pages: dict[str, Path], driver: Any) -> None:
     with Opened(driver, pages[name], *WEBGL, width=380) as opened:
         opened.drawn("map")
+        opened.page.evaluate("document.querySelectorAll('details').forEach(it => it.open = true)")
         assert opened.page.evaluate("document.scrollingElement.scrollWidth") <= 380
 
 

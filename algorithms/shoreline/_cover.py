@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from algorithms.shared.otsu import otsu_threshold
-from algorithms.shoreline._bodies import CellGrid, window
+from algorithms.shoreline._cells import CellGrid, window
 from algorithms.shoreline._level import Level, level_of
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from algorithms.shoreline._bodies import CellGrid, patches
+from algorithms.shoreline._cells import CellGrid, patches
 from algorithms.shoreline._outline import Outline
 from algorithms.shoreline._water import some_of
 

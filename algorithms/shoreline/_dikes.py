@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from algorithms.shoreline._bodies import SIGMAS, STEP, Body, CellGrid, window
+from algorithms.shoreline._cells import CellGrid, window
+from algorithms.shoreline._evidence import SIGMAS, STEP, Body
 from algorithms.shoreline._level import NINETY_FIVE
 
 Floats = NDArray[np.floating[Any]]

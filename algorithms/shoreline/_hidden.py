@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from algorithms.shoreline._bodies import WALL, CellGrid, around, window
+from algorithms.shoreline._cells import CellGrid, around, window
+from algorithms.shoreline._evidence import WALL
 from algorithms.shoreline._level import Level
 
 Floats = NDArray[np.float64]

@@ -15,7 +15,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from algorithms.shared.lowest import cells_of
-from algorithms.shoreline._bodies import CellGrid, window
+from algorithms.shoreline._cells import CellGrid, window
 from algorithms.shoreline._hidden import hidden
 from algorithms.shoreline._level import NINETY_FIVE
 from algorithms.shoreline._returns import Returns

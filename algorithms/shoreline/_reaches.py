@@ -11,20 +11,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from algorithms.shared.otsu import otsu_threshold
-from algorithms.shoreline._bodies import (
-    COMPACT,
-    LEVEL,
-    SPARSE,
-    WEIR,
-    Body,
-    CellGrid,
-    around,
-    connected,
-    core_of,
-    fit,
-    smoothed,
-    window,
-)
+from algorithms.shoreline._bodies import WEIR
+from algorithms.shoreline._cells import LEVEL, CellGrid, around, connected, fit, window
+from algorithms.shoreline._evidence import COMPACT, SPARSE, Body, core_of, smoothed
 from algorithms.shoreline._level import BLOCKS, FEW
 
 Floats = NDArray[np.floating[Any]]

@@ -19,7 +19,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from algorithms.shared.delaunay import triangulate
-from algorithms.shoreline._bodies import CellGrid, window
+from algorithms.shoreline._cells import CellGrid, window
 from algorithms.shoreline._level import Level
 from toolbox.context import Context
 

@@ -13,35 +13,31 @@ from scipy import ndimage
 
 from algorithms.shared.lowest import cells_of
 from algorithms.shared.water_surface import MOST_SIGMA, WIDEST
-from algorithms.shoreline._bodies import (
-    CONTACT,
-    DARK,
-    ENDS,
-    LARGE,
+from algorithms.shoreline._bodies import CONTACT, RIVER, WEIR, Pour, find_bodies, joined, open_water
+from algorithms.shoreline._cells import (
     LEVEL,
     REACH,
-    RIVER,
     STEEPEST,
-    VERY_DARK,
-    WALL,
-    WEIR,
-    Body,
     CellGrid,
-    Pour,
     Tilt,
     around,
-    find_bodies,
-    flows,
     grid,
-    is_long,
-    joined,
-    looks_like_water,
-    open_water,
     shore_of,
     window,
 )
 from algorithms.shoreline._cover import covered
 from algorithms.shoreline._dikes import apart
+from algorithms.shoreline._evidence import (
+    DARK,
+    ENDS,
+    LARGE,
+    VERY_DARK,
+    WALL,
+    Body,
+    flows,
+    is_long,
+    looks_like_water,
+)
 from algorithms.shoreline._kernels import TAKEN
 from algorithms.shoreline._level import (
     DAYS,

@@ -29,7 +29,7 @@ from toolbox.declare import ClassList, Position, outputs, param, show, sink, sou
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
-    from algorithms.shoreline._bodies import CellGrid
+    from algorithms.shoreline._cells import CellGrid
     from algorithms.shoreline._outline import Outline
     from algorithms.shoreline._water import Water
 

@@ -15,7 +15,8 @@ import shapely
 
 from algorithms.shared import parameters
 from algorithms.shared.polygons import cells_within, polygons
-from algorithms.shoreline._bodies import LEVEL, STEP, Body, CellGrid, grid
+from algorithms.shoreline._cells import LEVEL, CellGrid, grid
+from algorithms.shoreline._evidence import STEP, Body
 from algorithms.shoreline._level import lowest_mode
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import (

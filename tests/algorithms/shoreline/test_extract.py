@@ -20,8 +20,10 @@ from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, UTM, columns, floor, lake,
 
 from algorithms.samples.scene import scene
 from algorithms.shoreline import _water
-from algorithms.shoreline._bodies import Body, Pour, Tilt, _along_a_line, grid, median_of_counts
+from algorithms.shoreline._bodies import Pour
+from algorithms.shoreline._cells import Tilt, grid, median_of_counts
 from algorithms.shoreline._dikes import _crest
+from algorithms.shoreline._evidence import Body, _along_a_line
 from algorithms.shoreline._kernels import TAKEN, spread
 from algorithms.shoreline._level import Level, _parts, under_cover
 from algorithms.shoreline._outline import detail_of

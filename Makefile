@@ -25,7 +25,7 @@ demo: .venv/demo ## make a small survey, classify it, grid it, and say how good 
 	$(BIN)/python -m toolbox demo --folder $(OUT)
 
 test: .venv/installed ## run the tests; with CI=true also the long ones
-	$(BIN)/python -m pytest -n 2 $(if $(CI),--durations=40,-m "not slow")
+	$(BIN)/python -m pytest -n 2 --dist worksteal $(if $(CI),--durations=40,-m "not slow")
 
 check: .venv/installed ## lint, types, layers
 	$(BIN)/ruff format --check .

@@ -185,6 +185,8 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
                 else SETTINGS.tracks.chain_overlap
             )
             near *= corridor.tolerance
+            if single and gap and meet_below(other, own, near):
+                up = 0.0
             if aside < near and up < near + SETTINGS.tracks.chain_rise * gap and aside + up < least:
                 best, least = k, aside + up
         if best < 0:
@@ -195,6 +197,28 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
         whole = replace(one, points=points, sure=one.sure or piece.sure)
         chains[best] = whole, np.vstack([other, own])
     return [piece for piece, _ in chains]
+
+
+def meet_below(one: Floats, other: Floats, near: float) -> bool:
+    """Whether a track and one behind it meet as wires at a support, from which both hang.
+
+    Drawn on over the gap between them, each comes to lie above the other.
+
+    Parameters
+    ----------
+    near : metres by which they may miss each other
+    """
+    gap = np.array([one[:, 0].max(), other[:, 0].min()])
+    over = drawn_on(one, gap) - drawn_on(other, gap)
+    return bool(over[0] < near and over[1] > -near)
+
+
+def drawn_on(track: Floats, u: Floats) -> Floats:
+    """Heights at chainages beyond an end of a track, of the parabola through what is near it."""
+    away = np.abs(track[:, 0] - u.mean())
+    own = track[away < away.min() + SETTINGS.network.longest_missing]
+    order = min(2, len(np.unique(own[:, 0])) - 1)
+    return np.asarray(np.polynomial.Polynomial.fit(own[:, 0], own[:, 2], order)(u))
 
 
 def abreast(one: Floats, other: Floats) -> bool:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -212,27 +213,20 @@ def support_of(
     corridor: Corridor, pieces: Sequence[Piece], group: Sequence[Hint]
 ) -> Support | None:
     """The support at a group of hints, or None if the evidence is too weak."""
+    group = at_bend(group)
     place = np.array([hint.place for hint in group])
     way = np.array([hint.way for hint in group])
-    axis = way * np.sign(way @ way[0] + 1e-12)[:, None]
-    mean = axis.mean(axis=0)
-    mean /= np.hypot(*mean)
+    mean = axis_of(way)
     across = np.array([-mean[1], mean[0]])
     centre = place[:, :2].mean(axis=0)
     side = (place[:, :2] - centre) @ across
     forward = way @ mean > 0
     here, there = np.flatnonzero(forward), np.flatnonzero(~forward)
-    pairs, bend = 0, 0.0
-    for i in here.tolist():
-        match = [
-            j
-            for j in there.tolist()
-            if abs(side[j] - side[i]) < 3.0 and abs(place[j, 2] - place[i, 2]) < 3.0
-        ]
-        if match:
-            pairs += 1
-            turn = abs(way[i, 0] * way[match[0], 1] - way[i, 1] * way[match[0], 0])
-            bend = max(bend, turn, group[i].slope + group[match[0]].slope)
+    pairs = list(pairs_of(place, way))
+    bend = 0.0
+    for i, j in pairs:
+        turn = abs(way[i, 0] * way[j, 1] - way[i, 1] * way[j, 0])
+        bend = max(bend, turn, group[i].slope + group[j].slope)
     mine = {hint.piece for hint in group}
     others = [piece for k, piece in enumerate(pieces) if k not in mine]
     passing = sum(passes(piece.curve, centre, across, side, place[:, 2]) for piece in others)
@@ -257,11 +251,11 @@ def support_of(
             spot,
             seen,
         )
-    certain |= pairs >= 2 or (
-        pairs == 1
+    certain |= len(pairs) >= 2 or (
+        len(pairs) == 1
         and (body >= SETTINGS.supports.enough_body or bend > SETTINGS.supports.least_bend)
     )
-    if pairs == 0 and not certain:
+    if not pairs and not certain:
         out = mean if len(here) else -mean
         ends = forth[here if len(here) else there]
         # The data goes on behind all the wires: one tree over its edge does not tell.
@@ -284,6 +278,58 @@ def support_of(
         sd_along=min(sigma, seen),
         cuts=frozenset(hint.cut for hint in group if hint.held),
     )
+
+
+def axis_of(way: Floats) -> Floats:
+    """The mean of directions that lead to and fro, a unit vector."""
+    mean = (way * np.sign(way @ way[0] + 1e-12)[:, None]).mean(axis=0)
+    return np.asarray(mean / np.hypot(*mean))
+
+
+def pairs_of(place: Floats, way: Floats) -> Iterator[tuple[int, int]]:
+    """Hints at one wire before a support and behind it, those that fit each other best."""
+    mean = axis_of(way)
+    spot = np.column_stack([place[:, 1] * mean[0] - place[:, 0] * mean[1], place[:, 2]])
+    forward = way @ mean > 0
+    here, there = np.flatnonzero(forward), np.flatnonzero(~forward)
+    away = np.abs(spot[here, None] - spot[None, there])
+    near = away.max(axis=2) < 3.0
+    cost = np.where(near, away.sum(axis=2), 1e6)  # first as many pairs as there can be
+    for i, j in zip(*linear_sum_assignment(cost), strict=True):
+        if near[i, j]:
+            yield int(here[i]), int(there[j])
+
+
+def at_bend(group: Sequence[Hint]) -> Sequence[Hint]:
+    """Hints where two legs of a line end, drawn on to where their wires cross in plan.
+
+    Of a line that hardly turns nothing is known of that, and they stay as they are.
+    """
+    place = np.array([hint.place for hint in group])
+    way = np.array([hint.way for hint in group])
+    pairs = np.array(list(pairs_of(place, way)), np.int64).reshape(-1, 2)
+    if any(hint.held for hint in group) or not len(pairs):
+        return group
+    mean = axis_of(way)
+    forth = place[:, :2] @ mean
+    one, other = pairs.T
+    step = place[other, :2] - place[one, :2]
+    turn = way[one, 0] * way[other, 1] - way[one, 1] * way[other, 0]
+    ahead = step[:, 0] * way[other, 1] - step[:, 1] * way[other, 0]  # times the turn
+    weight = float((turn**2).sum())
+    if not weight:
+        return group
+    crossing = float((turn**2 * forth[one] + turn * ahead).sum()) / weight
+    missed = turn * (forth[one] - crossing) + ahead  # by wires at the crossing of all, metres
+    scatter = max(SETTINGS.arcs.meeting_sd, math.sqrt(0.5 * float((missed**2).mean())))
+    sigma = scatter * math.sqrt(2 / weight)
+    if sigma > SETTINGS.supports.settled_slack:
+        return group
+    gone = (crossing - forth) / (way @ mean)
+    if np.abs(gone).max() > SETTINGS.supports.along:
+        return group
+    drawn = place + gone[:, None] * np.column_stack([way, [hint.slope for hint in group]])
+    return [replace(hint, place=p, sigma=sigma) for hint, p in zip(group, drawn, strict=True)]
 
 
 def topped(corridor: Corridor, spot: Floats, mean: Floats, side: Floats, high: float) -> bool:

@@ -33,6 +33,7 @@ from algorithms.corridor._extraction.supports import (
     Support,
     abreast,
     pole_near,
+    support_of,
     supports_of,
 )
 from algorithms.corridor._extraction.towers import compared, top_of
@@ -224,6 +225,28 @@ def test_lines_abreast_have_a_support_each_if_each_shows_a_body(seen: bool) -> N
     assert len(abreast(corridor, [], hints)) == 1 + seen
     apart = [replace(hint, whole=hint.cut[0]) for hint in hints]
     assert len(abreast(corridor, [], apart)) == 1
+
+
+@pytest.mark.parametrize(
+    ("turn", "known"), [(20.0, True), (-20.0, True), (10.0, True), (5.0, False), (0.0, False)]
+)
+def test_a_support_stands_where_wires_of_two_legs_cross(turn: float, known: bool) -> None:
+    """Wires end 2 m before and 8 m behind it, and it had been in the middle, 3 m off.
+
+    Where the line turns by less, they cross anywhere: then nothing tells the place.
+    """
+    angle = np.radians(turn)
+    behind = np.array([np.cos(angle), np.sin(angle)])
+    hints = [
+        Hint(np.array([*place, 9.0]), way, 0.1, k, False, np.inf, (k, 0), k)
+        for k, (place, way) in enumerate(
+            [(np.array([-2.0, 0.0]), np.array([1.0, 0.0])), (8.0 * behind, -behind)]
+        )
+    ]
+    found = support_of(corridor_of(*WIRE), [], hints)
+    assert found is not None
+    assert bool(np.hypot(found.x, found.y) < 0.1) is known
+    assert (found.sd_along < 1.0) is known
 
 
 @pytest.mark.parametrize(("apart", "count"), [(6.0, 2), (4.0, 1)])

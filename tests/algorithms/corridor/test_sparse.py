@@ -16,7 +16,7 @@ from algorithms.corridor._curves.lanes import Lanes, in_order, pieces_in
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.sparse import groups, in_sheets, lonely
 from algorithms.corridor._curves.trace import Airborne
-from algorithms.corridor._curves.tracks import Alignment, chained
+from algorithms.corridor._curves.tracks import Alignment, chained, meet_below
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.context import QUIET
@@ -165,6 +165,46 @@ def test_what_follows_behind_a_gap_is_the_same_wire(
     pieces = [Piece(points, curve) for points, curve in zip(own, curves, strict=True) if curve]
     assert len(pieces) == 2 * wires
     assert len(chained(corridor, Alignment.of(pieces))) == tracks
+
+
+def test_a_single_wire_is_one_behind_a_gap_with_a_support() -> None:
+    """15 points per 100 m, none for 20 m; its support stands at the beginning of the gap.
+
+    Drawn on to the middle, its ends were 3 m apart, and no support was found between them.
+    """
+    ends = ((0.0, 0.0, 19.0), (152.0, 0.0, 24.0)), ((152.0, 0.0, 24.0), (320.0, 0.0, 19.0))
+    xyz = np.vstack([wire(*span, 300.0, 0.15, seed=k)[1] for k, span in enumerate(ends)])
+    air = Airborne.of(xyz[np.abs(xyz[:, 0] - 160.0) > 10.0])
+    height = air.xyz[:, 2]
+    corridor = Corridor(air, height, height > 4, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    own = [np.flatnonzero((corridor.wires.xyz[:, 0] > 160.0) == far) for far in (False, True)]
+    curves = [fit(corridor.wires.xyz[points]) for points in own]
+    pieces = [Piece(points, curve) for points, curve in zip(own, curves, strict=True) if curve]
+    assert len(pieces) == 2
+    assert len(chained(corridor, Alignment.of(pieces))) == 1
+
+
+@pytest.mark.parametrize(
+    ("slopes", "up", "meet"),
+    [
+        ((0.1, -0.1), 0.0, True),
+        ((0.1, -0.1), 0.6, True),  # nearer to the end of the gap
+        ((0.1, -0.1), 3.0, False),  # beyond it
+        ((-0.1, 0.1), 0.0, False),  # a valley: no support holds wires down
+        ((0.0, 0.0), 0.3, True),
+        ((0.0, 0.0), 0.5, False),
+    ],
+)
+def test_wires_meet_at_a_support_that_is_between_them(
+    slopes: tuple[float, float], up: float, meet: bool
+) -> None:
+    """The gap goes from -10 to 10 m; the wires cross in its middle, or are `up` apart there."""
+    u = np.arange(10.0, 60.0, 5.0)
+    one, other = (
+        np.column_stack([side * u, 0 * u, slope * side * u])
+        for side, slope in zip((-1, 1), slopes, strict=True)
+    )
+    assert meet_below(one, other + np.array([0.0, 0.0, up]), 0.4) is meet
 
 
 def test_an_alignment_reaches_as_far_as_its_wires() -> None:

@@ -263,8 +263,11 @@ def test_what_is_no_line_is_none_in_the_truth(name: Name) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_is_a_whole_survey(name: Name) -> None:
-    data = scene("corridor", preset=name, seed=1)
-    assert 1e5 < len(data.xyz) < 2e6
+    """With a quarter of the pulses, which is quicker; as many hit the wires."""
+    preset = PRESETS[name]
+    flight = replace(preset.flight, density=preset.flight.density / 4)
+    data = preset_scene(replace(preset, flight=flight), 1)
+    assert 2.5e4 < len(data.xyz) < 5e5
     assert np.isfinite(data.xyz).all()
     assert np.isfinite(data.terrain[0]).all()
     assert all(shape.has_z and "kind" in p for shape, p in data.features)

@@ -39,6 +39,7 @@ from algorithms.classify._refused import refused_in_words, steep_regions, unlike
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._squared import main_direction, squared
 from algorithms.classify._towers import warn_of_towers
+from algorithms.classify._uneven import warn_of_uneven_ground
 from algorithms.classify._vehicles import SEEN, as_narrow_and_low, ground_seen, large_vehicles
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
@@ -281,6 +282,7 @@ class ClassifyBuildings:
         ctx.progress(0.9)
         rows, parts = self._rows(features, planes, shapes, lengths, ctx.part(0.9, 1.0))
         warn_of_towers(rows, features, found[part])
+        warn_of_uneven_ground(rows, features, found[part])
         ctx.progress(1.0)
         steep = steep_regions(trees, cloud, features, lengths)
         result = self._packed(found, part, rows, parts, steep)

@@ -247,9 +247,9 @@ class ClassifyTrees:
         if spires := [row for row, out in zip(rows, is_spire, strict=True) if out]:
             highest = max(spires, key=lambda row: row["height"])
             log.warning(
-                "crowns of which the file calls most points building: %d; they are no trees, but "
-                "spires, chimneys or the like, which count in no height of a building; the "
-                "highest, %.1f m, at %.1f,%.1f",
+                "crowns of which the file calls most points building: %d; they are left out of the "
+                "trees, as they may be spires or chimneys, but are classed as vegetation and count "
+                "in no height of a building; the highest, %.1f m, at %.1f,%.1f",
                 len(spires),
                 highest["height"] / self.points.metre,
                 highest["top"].x,

@@ -40,6 +40,7 @@ from algorithms.corridor._extraction.missed import (
     warn_of_left_out,
     warn_of_missed,
     warn_of_open_ends,
+    warn_of_scatter,
     warn_of_unseen_supports,
     warn_of_unsure_places,
     with_gaps,
@@ -151,6 +152,7 @@ class CorridorExtract:
         warn_of_unseen_supports(towers)
         warn_of_unsure_places(towers)
         warn_of_bodiless_supports(towers)
+        warn_of_scatter(wires)
         warn_of_open_ends(line.wires, points.seen, points.origin, cloud.metre)
         warn_of_edges(points, line.labels)
         return self.Outputs(

@@ -164,8 +164,9 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
         ),
         ("cell: must be > 0 and <= 9 m, got 0.0", "cell: > 0 ve <= 9 m olmalı, verilen 0.0"),
         (
-            "no rule: a.csv says nothing on ground; listed within 6 m",
-            "kural yok: a.csv zemin için bir şey demiyor; 6 m içinde listelenir",
+            "no rule: the table of a.csv used here has none for ground; listed within 6 m",
+            "kural yok: burada kullanılan a.csv tablosunda zemin için kural yok; 6 m içinde "
+            "listelenir",
         ),
     ],
 )

@@ -173,7 +173,7 @@ def warn_of_what_is_above(
     x, y, _ = surroundings.xyz[points[0]] * metre + line.origin
     log.warning(
         "%d points hang in mid-air above all wires of spans %s, the first at %.10g, %.10g: if they "
-        "are no birds, a guard wire was not found",
+        "are no birds, a guard wire was not found, and it goes on over the spans beside them",
         len(points),
         ", ".join(map(str, above)),
         x,

@@ -362,6 +362,11 @@ def _looked_at(line: LineStates) -> str:
         max(c.length for c, own in zip(line.curves[0], line.span, strict=True) if own == span)
         for span in line.spans
     ]
+    if len(line.states) == 1:
+        return (
+            f"Looked at: {len(lengths)} spans of {sum(lengths):.0f} m in all, with the wires as "
+            "surveyed; hotter, in wind or under ice they were not held to the rules."
+        )
     states = ", ".join(["as surveyed", *(_told(state) for state in line.states[1:])])
     return f"Looked at: {len(lengths)} spans of {sum(lengths):.0f} m in all; wires: {states}."
 

@@ -216,7 +216,7 @@ def why_none(table: Table, voltage: float | None) -> dict[str, str]:
     """For each kind, why no rule of a table holds for it at a voltage, if none does."""
     at = "" if voltage is None else f" at {voltage:g} kV"
     name = TITLES.get(table.name.removesuffix(".csv"), table.name)
-    told = {kind: f"{name} says nothing on {kind}" for kind in KINDS}
+    told = {kind: f"the table of {name} used here has none for {kind}" for kind in KINDS}
     for kind, voltages in covered(table).items():
         told[kind] += f"{at}, only for {' and '.join(map(span_of, voltages))}"
     return told

@@ -219,6 +219,26 @@ def warn_of_unsure_places(towers: Vector) -> None:
         )
 
 
+def warn_of_scatter(wires: Vector) -> None:
+    """Warn of wires about which points lie so far apart that they may be bundles.
+
+    Two conductors of one that are half of its width apart scatter by a quarter of it.
+    """
+    frame, most = wires.frame, SETTINGS.network.bundle_width / 4
+    wide = frame[frame["rms"] > most]
+    if len(wide):
+        log.warning(
+            "the points of %d of %d wires lie %.2f m and more from them (rms, up to %.2f m; spans "
+            "%s): noise, or conductors of a bundle that the points do not tell apart, of which the "
+            "lowest hangs as much lower",
+            len(wide),
+            len(frame),
+            most,
+            wide["rms"].max(),
+            ", ".join(map(str, sorted(set(wide["span_id"])))),
+        )
+
+
 def warn_of_bodiless_supports(towers: Vector) -> None:
     """Log which supports show points level with their wires, but none of a body below these."""
     frame, seen = towers.frame, SETTINGS.towers.known_by_points

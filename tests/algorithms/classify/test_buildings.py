@@ -24,6 +24,7 @@ from algorithms.classify._outlines import margin
 from algorithms.classify._refused import warn_of_lost
 from algorithms.classify._squared import main_direction, squared
 from algorithms.classify._towers import warn_of_towers
+from algorithms.classify._uneven import warn_of_uneven_ground
 from algorithms.classify.buildings import ClassifyBuildings, on_planes
 from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
@@ -111,6 +112,25 @@ def test_what_rises_above_the_ridge_is_told(
     warn_of_towers(rows, PointFeatures(points.with_xyz(xyz), 1.0, 3.0), building)
     assert ("as with a tower or spire: 1; their" in caplog.text) == told
     assert ("The most: gate, ridge 108.00, about 16 m2" in caplog.text) == told
+
+
+@pytest.mark.parametrize(("slope", "told"), [(0.15, True), (0.05, False)])
+def test_ground_that_differs_from_side_to_side_is_told(
+    slope: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A part of a building was 3.8 m high, and its wall 4.9 m: its ground was that of the whole."""
+    points = village()
+    building, xyz = points["truth"] == 6, points.xyz.copy()
+    xyz[:, 2] += slope * (xyz[:, 0] - 500_000)
+    house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
+    rows = [{"id": "mill", "geometry": house, "ground": 102.5}]
+    warn_of_uneven_ground(rows, PointFeatures(points.with_xyz(xyz), 1.0, 3.0), building)
+    found = re.findall(
+        r"from side to side: 1; .*mill, ground 102.50, from (.*) to (.*)", caplog.text
+    )
+    assert bool(found) is told
+    if told:
+        assert [float(v) for v in found[0]] == pytest.approx([101.6, 103.5], abs=0.15)
 
 
 def test_a_house_at_the_edge_of_the_data_is_cut() -> None:

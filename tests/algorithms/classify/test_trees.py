@@ -50,7 +50,7 @@ def test_what_the_file_calls_building_is_no_tree(caplog: pytest.LogCaptureFixtur
     given = points.with_attributes({"classification": np.where(spire, 6, 1).astype(np.uint8)})
     (tree,) = rows(points, given=given)
     assert tree["height"] == pytest.approx(9, abs=0.1)
-    assert "the file calls most points building: 1; they are no trees" in caplog.text
+    assert "the file calls most points building: 1; they are left out of" in caplog.text
     assert "the highest, 14" in caplog.text
     half = points.with_attributes({"classification": np.where(spire, 1, 6).astype(np.uint8)})
     assert len(rows(points, given=half)) == 1

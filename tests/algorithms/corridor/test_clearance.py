@@ -358,8 +358,9 @@ def test_the_summary_begins_with_the_finding_and_says_whose_rules_these_are(
     assert told in summary
     assert "\n" not in summary
     assert summary.endswith(
-        "Looked at: 1 spans of 300 m in all; wires: as surveyed. No point is ground"
-        ": heights are not known, and falling trees not looked for."
+        "Looked at: 1 spans of 300 m in all, with the wires as surveyed; hotter, in wind or under "
+        "ice they were not held to the rules. No point is ground: heights are not known, and "
+        "falling trees not looked for."
     )
 
 
@@ -387,7 +388,7 @@ def test_what_hangs_above_all_wires_may_be_an_earth_wire(
     run(hung(*(bits(150.0 + 9 * k, -up, 1) for k in range(count))), distance=2.0)
     text = f"3 points hang in mid-air above all wires of spans 1, the first at {EAST + 150:.10g}"
     assert (text in caplog.text) == told
-    assert ("a guard wire was not found" in caplog.text) == told
+    assert ("a guard wire was not found, and it goes on over the spans" in caplog.text) == told
 
 
 def test_what_hangs_far_from_all_rules_is_told() -> None:
@@ -1214,7 +1215,7 @@ def test_what_is_near_and_has_no_rule_is_listed_counted_and_told(
     assert np.isnan(result["violations"]["probability"]).all()
     told = (
         f"{kind}: objects 1, points 4, the nearest at 2.00 m; "
-        f"no rule: NERC FAC-003-4 says nothing on {kind}"
+        f"no rule: the table of NERC FAC-003-4 used here has none for {kind}"
     )
     assert f"near a wire: {told}" in caplog.text
     page = result["report"]
@@ -1294,9 +1295,10 @@ def test_a_kind_whose_rules_are_for_other_voltages_has_none_and_the_voltages_are
     table = Table(pd.DataFrame(rows), name="my.csv")
     why = why_none(table, 380.0)
     assert why["building"] == (
-        "my.csv says nothing on building at 380 kV, only for 1-72.5 kV and above 400 kV"
+        "the table of my.csv used here has none for building at 380 kV, only for 1-72.5 kV and "
+        "above 400 kV"
     )
-    assert why["road"] == "my.csv says nothing on road"
+    assert why["road"] == "the table of my.csv used here has none for road"
     low = float(LEVEL.height(np.array(150.0)))
     house = cloud(blob(150, 0, low - 4.0), 6)
     for voltage, severity in ((36.0, "critical"), (380.0, "no rule"), (400.0, "critical")):

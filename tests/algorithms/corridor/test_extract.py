@@ -750,6 +750,21 @@ def test_supports_that_only_their_wires_tell_of_are_said(
     assert ("of their own" in caplog.text) == (not seen)
 
 
+@pytest.mark.parametrize(("noise", "told"), [(0.03, False), (0.18, True)])
+def test_wires_that_scatter_as_bundles_do_are_told(
+    noise: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nobody said that points lie 0.2 m about the wires of which clearances are measured."""
+    wires = [
+        wire((a, y, 9.0), (a + 60.0, y, 9.0), 400.0, noise=noise, seed=k)[1]
+        for k, (a, y) in enumerate((a, y) for a in (0.0, 60.0, 120.0) for y in (-3.0, 0.0, 3.0))
+    ]
+    poles = line([0, 60, 120, 180], [-3, 0, 3], 9, 400)[2]
+    result = found(GROUND, *wires, poles)
+    assert len(result.wires) == 9
+    assert ("of 9 wires lie 0.15 m and more from them (rms, up to 0." in caplog.text) is told
+
+
 def test_a_pole_of_which_the_foot_alone_shows_is_as_high_as_its_wires() -> None:
     _, wires, poles = line([0, 60, 120], [-1, 0, 1], 9, 400)
     hidden = (abs(poles[:, 0] - 60) < 5) & (poles[:, 2] > 3.0)

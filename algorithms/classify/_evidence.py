@@ -231,10 +231,23 @@ class PointFeatures:
         """Whether any pulse is known to have gone on after a return."""
         return bool(self.let_through.any())
 
-    @property
-    def has_numbers(self) -> bool:
-        """Whether it is known of any point which return of its pulse it is."""
-        return bool(ReturnNumbers.of(self.cloud).known.any())
+    def warn_without_returns(self, consequence: str) -> None:
+        """Warn if no pulse is known to have gone on: each had one return, or nobody knows.
+
+        Parameters
+        ----------
+        consequence : continues a sentence
+        """
+        if self.has_several_returns:
+            return
+        if ReturnNumbers.of(self.cloud).known.any():
+            log.warning("no pulse has several returns: %s", consequence)
+        else:
+            log.warning("no return numbers are recorded: %s", consequence)
+
+    def ground_below(self, some: NDArray[np.int64]) -> Floats:
+        """Elevations of the ground below some points, given by index, in their unit."""
+        return np.asarray(self.xyz[some, 2] - self.terrain[1][some] * self.cloud.metre)
 
     @functools.cached_property
     def around(self) -> Mapping[str, Floats]:

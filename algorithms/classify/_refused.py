@@ -42,9 +42,8 @@ def steep_regions(
     rows = []
     for shape, there in zip(shapes, at_edge, strict=True):
         inside = features.within(shape, above)
-        z = features.xyz[inside, 2]
-        ground = float(np.median(z - features.terrain[1][inside] * metre))
-        top = float(z.max())
+        ground = float(np.median(features.ground_below(inside)))
+        top = float(features.xyz[inside, 2].max())
         row = {"id": name_of(shape), "area": shape.area, "points": len(inside), "ground": ground}
         row |= {"top": top, "height": top - ground, "cut": bool(there), "geometry": shape}
         rows.append(row)

@@ -32,14 +32,13 @@ from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
 from algorithms.classify._crowns import CLOSED, crowns
 from algorithms.classify._density import ALPHA, Lengths
+from algorithms.classify._doubtful_heights import warn_of_doubtful_heights
 from algorithms.classify._evidence import FOOT, solid
 from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
 from algorithms.classify._parts import levels, tiles
 from algorithms.classify._refused import refused_in_words, steep_regions, unlike, warn_of_lost
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._squared import main_direction, squared
-from algorithms.classify._towers import warn_of_towers
-from algorithms.classify._uneven import warn_of_uneven_ground
 from algorithms.classify._vehicles import SEEN, as_narrow_and_low, ground_seen, large_vehicles
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
@@ -281,8 +280,7 @@ class ClassifyBuildings:
         )
         ctx.progress(0.9)
         rows, parts = self._rows(features, planes, shapes, lengths, ctx.part(0.9, 1.0))
-        warn_of_towers(rows, features, found[part])
-        warn_of_uneven_ground(rows, features, found[part])
+        warn_of_doubtful_heights(rows, features, found[part])
         ctx.progress(1.0)
         steep = steep_regions(trees, cloud, features, lengths)
         result = self._packed(found, part, rows, parts, steep)
@@ -307,10 +305,7 @@ class ClassifyBuildings:
             by_noise=lengths.by_noise,
             ground_classes=self.ground_classes,
         )
-        if not features.has_numbers:
-            log.warning("no return numbers are recorded: dense crowns may be taken for roofs")
-        elif not features.has_several_returns:
-            log.warning("no pulse has several returns: dense crowns may be taken for roofs")
+        features.warn_without_returns("dense crowns may be taken for roofs")
         return features
 
     def _roof(self, features: _evidence.PointFeatures, lengths: Lengths, ctx: Context) -> Mask:
@@ -641,8 +636,7 @@ def heights(
     metre = features.cloud.metre
     roof = Roof(features.xyz[inside] / metre, features.planes[1][inside]).without_walls()
     section = main_section(roof, lengths.spacing / metre)
-    z = features.xyz[inside, 2]
-    ground = float(np.median(z - features.terrain[1][inside] * metre))
+    ground = float(np.median(features.ground_below(inside)))
     ridge = float(np.percentile(roof.xyz[:, 2], 99)) * metre
     return {
         "ground": ground,

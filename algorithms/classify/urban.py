@@ -157,10 +157,7 @@ class ClassifyUrban:
             by_noise=lengths.by_noise,
             ground_classes=bare,
         )
-        if not features.has_numbers:
-            log.warning("no return numbers are recorded: %s", self._without_returns)
-        elif not features.has_several_returns:
-            log.warning("no pulse has several returns: %s", self._without_returns)
+        features.warn_without_returns(self._without_returns)
         classes[part] = self._judged(features, lengths.spacing, ctx.part(0.9, 1.0))
         told = of_classes(classes[part], (*bare, int(WATER)))
         confidence[part] = np.where(told, 1.0, clear(features))

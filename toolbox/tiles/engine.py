@@ -358,7 +358,7 @@ def _working_folder(
     try:
         if goes_on:
             log.info("going on where an earlier run was stopped (%s)", work)
-        if not goes_on:
+        else:
             _empty(work, plan)
             (work / _REMOVAL).unlink()
         for folder in _folders(work, plan):

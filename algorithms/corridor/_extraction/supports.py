@@ -305,11 +305,11 @@ def at_bend(group: Sequence[Hint]) -> Sequence[Hint]:
 
     Of a line that hardly turns nothing is known of that, and they stay as they are.
     """
+    if any(hint.held for hint in group):
+        return group
     place = np.array([hint.place for hint in group])
     way = np.array([hint.way for hint in group])
     pairs = np.array(list(pairs_of(place, way)), np.int64).reshape(-1, 2)
-    if any(hint.held for hint in group) or not len(pairs):
-        return group
     mean = axis_of(way)
     forth = place[:, :2] @ mean
     one, other = pairs.T

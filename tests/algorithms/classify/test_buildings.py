@@ -19,12 +19,11 @@ from shapely.affinity import rotate
 from algorithms.classify._bridges import between_ends
 from algorithms.classify._crowns import crowns
 from algorithms.classify._density import Lengths
+from algorithms.classify._doubtful_heights import warn_of_doubtful_heights
 from algorithms.classify._evidence import PointFeatures, once_each
 from algorithms.classify._outlines import margin
 from algorithms.classify._refused import warn_of_lost
 from algorithms.classify._squared import main_direction, squared
-from algorithms.classify._towers import warn_of_towers
-from algorithms.classify._uneven import warn_of_uneven_ground
 from algorithms.classify.buildings import ClassifyBuildings, on_planes
 from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
@@ -109,7 +108,7 @@ def test_what_rises_above_the_ridge_is_told(
     xyz[tower, 2] += 15
     house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
     rows = [{"id": "gate", "geometry": house, "ridge": 108.0}]
-    warn_of_towers(rows, PointFeatures(points.with_xyz(xyz), 1.0, 3.0), building)
+    warn_of_doubtful_heights(rows, PointFeatures(points.with_xyz(xyz), 1.0, 3.0), building)
     assert ("as with a tower or spire: 1; their" in caplog.text) == told
     assert ("The most: gate, ridge 108.00, about 16 m2" in caplog.text) == told
 
@@ -123,8 +122,8 @@ def test_ground_that_differs_from_side_to_side_is_told(
     building, xyz = points["truth"] == 6, points.xyz.copy()
     xyz[:, 2] += slope * (xyz[:, 0] - 500_000)
     house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
-    rows = [{"id": "mill", "geometry": house, "ground": 102.5}]
-    warn_of_uneven_ground(rows, PointFeatures(points.with_xyz(xyz), 1.0, 3.0), building)
+    rows = [{"id": "mill", "geometry": house, "ridge": 120.0, "ground": 102.5}]
+    warn_of_doubtful_heights(rows, PointFeatures(points.with_xyz(xyz), 1.0, 3.0), building)
     found = re.findall(
         r"from side to side: 1; .*mill, ground 102.50, from (.*) to (.*)", caplog.text
     )

@@ -33,6 +33,7 @@ from algorithms.corridor._clearance.crossings import (
 from algorithms.corridor._clearance.distances import Least, Violations, find_violations
 from algorithms.corridor._clearance.hanging import (
     HANGING,
+    above_wires,
     hanging_objects,
     parted_from_hanging,
     warn_of_what_is_above,
@@ -924,22 +925,18 @@ class CorridorClearance:
     def _hanging(
         self, surroundings: Surroundings, line: LineStates, rules: list[Rule], ctx: Context
     ) -> tuple[list[Object], Violations]:
-        """What hangs in mid-air near a wire, and its points; it is told."""
+        """What hangs in mid-air near a wire or above all of a span, and its points; it is told."""
+        above = above_wires(surroundings, line, LEAST_REACH, self.min_points)
         objects, found = hanging_objects(
             surroundings,
             line,
             rules,
+            above,
             reach=_measured(rules),
             point_sd=self.point_sd,
             ctx=ctx,
         )
-        if objects:
-            log.warning(
-                "%d points hang in mid-air on a wire, a tower or by themselves: not sure whether "
-                "they are plants or parts of the line",
-                len(found),
-            )
-        warn_of_what_is_above(surroundings, line, LEAST_REACH, self.min_points, self.points.metre)
+        warn_of_what_is_above(surroundings, line, above, self.points.metre)
         count = int((surroundings.hanging >= 0).sum()) - len(found)
         if count:
             surroundings.left_out["Hang in mid-air, may be of the line, and are not near"] = count

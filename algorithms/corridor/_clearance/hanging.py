@@ -7,7 +7,7 @@ line that was not recognised. Nobody can be sure, so it is told apart and neithe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from algorithms.corridor._clearance.distances import (
     TAKES_NO_PART,
     Violations,
+    clearance_sd,
     distances,
     find_violations,
     nearest_wires,
@@ -135,14 +136,28 @@ def near_others(xyz: Floats, others: Floats, free_air: float) -> NDArray[np.bool
 
 
 def above_wires(
-    surroundings: Surroundings, line: LineStates, beside: float
-) -> Iterator[tuple[int, Ints]]:
-    """Spans, each with what hangs in mid-air above all its wires: a guard wire may be missing.
+    surroundings: Surroundings, line: LineStates, beside: float, fewest: int
+) -> dict[int, Ints]:
+    """What hangs in mid-air above all wires of a span, by spans: a guard wire may be missing.
 
     Parameters
     ----------
     beside : metres to the side of a wire of the span
+    fewest : points in all, of which less tell nothing: birds
+
+    Returns
+    -------
+    indices of points by the number of the span
     """
+    found = dict(_above_spans(surroundings, line, beside))
+    points = {int(point) for own in found.values() for point in own}
+    return found if len(points) >= fewest else {}
+
+
+def _above_spans(
+    surroundings: Surroundings, line: LineStates, beside: float
+) -> Iterator[tuple[int, Ints]]:
+    """The spans that have points above all their wires, and these."""
     some = np.flatnonzero(surroundings.hanging >= 0)
     for span in line.spans:
         above, near = np.ones(len(some), bool), np.zeros(len(some), bool)
@@ -156,20 +171,18 @@ def above_wires(
 
 
 def warn_of_what_is_above(
-    surroundings: Surroundings, line: LineStates, beside: float, fewest: int, metre: float
+    surroundings: Surroundings, line: LineStates, above: Mapping[int, Ints], metre: float
 ) -> None:
-    """Tell of points in mid-air above all wires of a span, if they are not too few.
+    """Tell of points in mid-air above all wires of a span.
 
     Parameters
     ----------
-    beside : see `above_wires`
-    fewest : points
+    above : see `above_wires`
     metre : length of one metre in the unit of the data
     """
-    above = dict(above_wires(surroundings, line, beside))
-    points = sorted({int(point) for own in above.values() for point in own})
-    if len(points) < fewest:
+    if not above:
         return
+    points = np.unique(np.concatenate(list(above.values())))
     x, y, _ = surroundings.xyz[points[0]] * metre + line.origin
     log.warning(
         "%d points hang in mid-air above all wires of spans %s, the first at %.10g, %.10g: if they "
@@ -181,10 +194,39 @@ def warn_of_what_is_above(
     )
 
 
+def from_wires_below(
+    surroundings: Surroundings, line: LineStates, above: Mapping[int, Ints], *, point_sd: float
+) -> Violations:
+    """What hangs above all wires of a span, from the nearest of them as surveyed, however far.
+
+    Parameters
+    ----------
+    above : see `above_wires`
+    point_sd : standard deviation of a point, metres
+    """
+    found = Violations.none()
+    for span, points in above.items():
+        points = points[~np.isin(points, found.point)]  # where spans meet it may be above both
+        wires = np.array([wire for wire, own in enumerate(line.span) if own == span])
+        measured = np.array([distances(surroundings.xyz[points], line.curves[0][w]) for w in wires])
+        nearest = measured[:, :, 0].argmin(axis=0)
+        space, vertical, flat, u = measured[nearest, np.arange(len(points))].T
+        wire, zero = wires[nearest], np.zeros(len(points), np.int64)
+        sd = clearance_sd(line.curves, zero, wire, u, point_sd)
+        unknown = np.full(len(points), np.nan)
+        found = found.joined(
+            Violations(
+                points, wire, zero, zero, space, space, space, vertical, flat, u, sd, unknown
+            )
+        )
+    return found
+
+
 def hanging_objects(
     surroundings: Surroundings,
     line: LineStates,
     rules: Sequence[Rule],
+    above: Mapping[int, Ints],
     *,
     reach: float,
     point_sd: float,
@@ -192,9 +234,12 @@ def hanging_objects(
 ) -> tuple[list[Object], Violations]:
     """What would break a rule, or be near without one, if what hangs in mid-air were plants.
 
+    That is told. What may be a guard wire that was not found is among it, at any distance.
+
     Parameters
     ----------
     rules : of which HANGING will be the next
+    above : see `above_wires`
     reach, point_sd : see `find_violations`, metres
 
     Returns
@@ -214,14 +259,21 @@ def hanging_objects(
         point_sd=point_sd,
         ctx=ctx,
     )
-    unknown = np.full(len(found), np.nan)
+    if len(found):
+        log.warning(
+            "%d points hang in mid-air on a wire, a tower or by themselves: not sure whether "
+            "they are plants or parts of the line",
+            len(found),
+        )
+    found = replace(found, point=some[found.point])
+    higher = from_wires_below(surroundings, line, above, point_sd=point_sd)
+    found = found.joined(higher.select(~np.isin(higher.point, found.point)))
     found = replace(
         found,
-        point=some[found.point],
         rule=np.full(len(found), len(rules)),
         measure=found.space,
         ratio=found.space,
-        probability=unknown,
+        probability=np.full(len(found), np.nan),
     )
     own = replace(surroundings, kind=kind)
     objects = objects_by(own, found, found.wire, [*rules, HANGING])

@@ -385,10 +385,16 @@ def test_what_hangs_above_all_wires_may_be_an_earth_wire(
     count: int, up: float, told: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Of a line in hills 14 points were seen of the guard wires, and nothing said so."""
-    run(hung(*(bits(150.0 + 9 * k, -up, 1) for k in range(count))), distance=2.0)
+    found = run(hung(*(bits(150.0 + 9 * k, -up, 1) for k in range(count))), distance=2.0)
     text = f"3 points hang in mid-air above all wires of spans 1, the first at {EAST + 150:.10g}"
     assert (text in caplog.text) == told
     assert ("a guard wire was not found, and it goes on over the spans" in caplog.text) == told
+    assert found["unsure"].frame.points.tolist() == ([count] if told else [])
+    assert found["unsure"].frame["distance"].tolist() == pytest.approx(
+        [up] if told else [], abs=0.01
+    )
+    assert "3 points hang in mid-air on a wire" not in caplog.text, "told twice"
+    assert len(found["violations"]) == (count if told else 0)
 
 
 def test_what_hangs_far_from_all_rules_is_told() -> None:

@@ -24,7 +24,7 @@ from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.errors import with_common_errors
 from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.layers import wire_layer
-from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
+from algorithms.corridor._extraction.missed import warn_of_missed, warn_of_scatter, with_gaps
 from algorithms.corridor._extraction.swung import warn_of_swung
 from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
@@ -120,6 +120,7 @@ class CorridorCatenaries:
         found = with_common_errors(corridor, found)
         layer = wire_layer(with_gaps(corridor, found), origin, metre, cloud.crs)
         warn_of_missed(layer)
+        warn_of_scatter(layer)
         warn_of_swung(found)
         return self.Outputs(
             wires=layer,

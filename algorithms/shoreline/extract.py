@@ -171,7 +171,8 @@ class ShorelineExtract:
             area = f"{self.area:.0f} m²{own_unit(self.area, lengths, 2)}"
             reach = f"{self._area_reach:.0f} m²{own_unit(self._area_reach, lengths, 2)}"
             words = (
-                f"{bodies} of {area} in all, {reach} more or less; "
+                f"{bodies} of {area} in all, {reach} more or less, without what lies below "
+                f"bridges, jetties and boats; "
                 f"{which} is {f'{level:.3f} {unit}'.rstrip()}"
             )
             fall = self._fall(unit)

@@ -111,25 +111,30 @@ def test_what_must_stay_may_be_wrapped_elsewhere() -> None:
             "tabliyesi 0.5 %.",
         ),
         (
-            "One water body of 455 m² in all, 13 m² more or less; its level is 116.799 m, ± 0.001 "
-            "m within the survey (95 % intervals); an error that all of its heights have in common "
+            "One water body of 455 m² in all, 13 m² more or less, without what lies below "
+            "bridges, jetties and boats; its level is 116.799 m, ± 0.001 m within the survey (95 "
+            "% intervals); an error that all of its heights have in common "
             "comes on top.",
-            "Bir su kütlesi, toplam 455 m², 13 m² fazla veya eksik; seviyesi 116.799 m, "
+            "Bir su kütlesi, toplam 455 m², 13 m² fazla veya eksik, köprülerin, iskelelerin "
+            "ve teknelerin altında kalan hariç; seviyesi 116.799 m, "
             "ölçüm içinde ± 0.001 m (% 95 aralıkları); ölçümün tüm yüksekliklerinde ortak olan "
             "bir hata buna eklenir.",
         ),
         (  # data in feet
-            "3 water bodies of 2874 m² (30935 ft²) in all, 138 m² (1485 ft²) more or less; the "
-            "level of the largest is 411.087 ft.",
-            "3 su kütlesi, toplam 2874 m² (30935 ft²), 138 m² (1485 ft²) fazla veya eksik; en "
-            "büyüğünün seviyesi 411.087 ft.",
+            "3 water bodies of 2874 m² (30935 ft²) in all, 138 m² (1485 ft²) more or less, without "
+            "what lies below bridges, jetties and boats; the level of the largest is 411.087 ft.",
+            "3 su kütlesi, toplam 2874 m² (30935 ft²), 138 m² (1485 ft²) fazla veya eksik, "
+            "köprülerin, iskelelerin ve teknelerin altında kalan hariç; en büyüğünün seviyesi "
+            "411.087 ft.",
         ),
         (
-            "2 water bodies of 900 m² in all, 10 m² more or less; the level of the largest is "
-            "411.087 ft. The surface of the largest falls from 412.000 to 410.000 ft; the level "
+            "2 water bodies of 900 m² in all, 10 m² more or less, without what lies below "
+            "bridges, jetties and boats; the level of the largest is 411.087 ft. The surface of "
+            "the largest falls from 412.000 to 410.000 ft; the level "
             "is that of its middle.",
-            "2 su kütlesi, toplam 900 m², 10 m² fazla veya eksik; en büyüğünün seviyesi 411.087 "
-            "ft. En büyüğünün yüzeyi 412.000 kotundan 410.000 ft kotuna alçalır; seviye, ortasının "
+            "2 su kütlesi, toplam 900 m², 10 m² fazla veya eksik, köprülerin, iskelelerin "
+            "ve teknelerin altında kalan hariç; en büyüğünün seviyesi 411.087 ft. En büyüğünün "
+            "yüzeyi 412.000 kotundan 410.000 ft kotuna alçalır; seviye, ortasının "
             "seviyesidir.",
         ),
         (

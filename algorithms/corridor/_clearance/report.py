@@ -398,8 +398,10 @@ def too_high(rules: Sequence[Rule], line: LineStates, crs: CRS | None) -> str:
 
 
 def _distances(rules: Sequence[Rule]) -> str:
-    """Kinds and distances of rules, without those that only let trees grow."""
-    return ", ".join(f"{r.kind} {r.threshold:.4g} m" for r in rules if r.severity != "watch")
+    """Kinds, distances and their directions of rules, without those that only let trees grow."""
+    return ", ".join(
+        f"{r.kind} {r.threshold:.4g} m {r.direction}" for r in rules if r.severity != "watch"
+    )
 
 
 def _touching(listed: pd.DataFrame) -> str:

@@ -217,7 +217,7 @@ def test_what_hangs_mostly_on_the_line_is_not_sure_to_be_a_tree() -> None:
 def test_distances_that_nobody_confirmed_are_a_warning(caplog: pytest.LogCaptureFixture) -> None:
     table = Table(pd.DataFrame([row(confirmed=False)]))
     run(hung(bits(150.0, 9.0, 3)), rule_table=table)
-    told = "by the engineer in charge: the distances required (tree 5 m)"
+    told = "by the engineer in charge: the distances required (tree 5 m 3-D)"
     assert told in caplog.text
 
 

@@ -201,8 +201,9 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
     )
     made = outputs(**layers, **numbers)
     assert made.in_words() == (
-        "One water body of 900 m² in all, 20 m² more or less; its level is 3.500 m, ± 0.020 m "
-        "within the survey (95 % intervals); an error that all of its heights have in common comes "
+        "One water body of 900 m² in all, 20 m² more or less, without what lies below "
+        "bridges, jetties and boats; its level is 3.500 m, ± 0.020 m within the survey (95 % "
+        "intervals); an error that all of its heights have in common comes "
         "on top."
     )
     water = Vector(water.frame.assign(level_interval=0.0002))

@@ -205,9 +205,9 @@ def from_wires_below(
     point_sd : standard deviation of a point, metres
     """
     found = Violations.none()
-    for span, points in above.items():
-        points = points[~np.isin(points, found.point)]  # where spans meet it may be above both
-        wires = np.array([wire for wire, own in enumerate(line.span) if own == span])
+    for span, own in above.items():
+        points = own[~np.isin(own, found.point)]  # where spans meet it may be above both
+        wires = np.array([wire for wire, of in enumerate(line.span) if of == span])
         measured = np.array([distances(surroundings.xyz[points], line.curves[0][w]) for w in wires])
         nearest = measured[:, :, 0].argmin(axis=0)
         space, vertical, flat, u = measured[nearest, np.arange(len(points))].T

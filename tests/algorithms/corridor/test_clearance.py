@@ -228,7 +228,7 @@ def test_distances_that_do_not_hold_so_high_above_the_sea_are_told(
     """As those of NERC, which grow with altitude. The ends of the wire are 40 and 52 m high."""
     table = Table(pd.DataFrame([row(altitude=altitude)]))
     found = run(hung(bits(150.0, 9.0, 3)), SLOPING, rule_table=table, growth=1.0)
-    text = "(tree 5 m) hold up to 30 m above the sea"
+    text = "(tree 5 m 3-D) hold up to 30 m above the sea"
     assert (text in caplog.text) == told
     blocks = next(s.blocks for s in found["report"].sections if s.title == "Distances required")
     unsure = "The wires reach 52 m above the sea, if the heights of the data are above the sea, whi"

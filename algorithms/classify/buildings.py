@@ -197,7 +197,7 @@ class ClassifyBuildings:
         )
         parts: Vector = sink(
             "Parts of buildings at different heights, which tile the outlines",
-            show=show.Values("height", label="Height of the ridge above the ground", length=True),
+            show=show.Values("height", label="Ridge above the ground", length=True),
             columns=columns.PARTS,
             also=(".city.json",),
         )

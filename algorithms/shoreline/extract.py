@@ -203,8 +203,15 @@ class ShorelineExtract:
             """Half of the 95 % interval of the area of all bodies; their errors are independent."""
             return NINETY_FIVE * float(np.linalg.norm(self.water.frame["area_error"]))
 
+        @property
+        def _by_looks_alone(self) -> int:
+            """How many bodies are told by a dark level surface alone, as they return pulses."""
+            frame = self.water.frame
+            looks = [set(told.split(", ")) - {"level", "level across"} for told in frame["evidence"]]
+            return frame["body"][[rest == {"dark"} for rest in looks]].nunique()
+
         def not_looked_at(self) -> Iterator[str]:
-            """Small waters, hidden shores, and parts of outlines that are no shore."""
+            """Small waters, what looks like one, hidden shores, and outlines that are no shore."""
             lengths = unit_of_lengths(self.water.crs)
             small = f"{self.least_area:.0f} m²{own_unit(self.least_area, lengths, 2)}"
             if self.narrowest is not None:
@@ -218,6 +225,12 @@ class ShorelineExtract:
                     f"Shores below crowns: {hidden:.0f} m²{own_unit(hidden, lengths, 2)} beside "
                     "the outlines were not seen there; they are not in the areas, whose errors "
                     "hold that they may be water"
+                )
+            if alone := self._by_looks_alone if self.count else 0:
+                yield (
+                    "Waters that return their pulses and are told by being level and dark alone: "
+                    f"{alone} of {self.count} (column evidence); paved ground as dark and level "
+                    "looks like them"
                 )
             if self.count:
                 yield (

@@ -119,6 +119,14 @@ def test_what_bridges_hide_is_told_where_there_is_water() -> None:
     assert not any("bridges, decks" in text for text in extract(hillside(0, 0.06)).not_looked_at())
 
 
+def test_waters_that_look_like_pavement_are_counted() -> None:
+    """A dark car park that falls by 1.5 cm was water, and nothing said so (crowned, seed 732)."""
+    for kind, returned, told in (("calm", 1.0, "1 of 1"), ("calm", 0.1, ""), ("hills", 1.0, "")):
+        some = waters.survey(kind, 3, density=3.0, returned=returned)
+        said = [one for one in extract(some.points).not_looked_at() if "level and dark alone" in one]
+        assert [told in one for one in said] == ([True] if told else [])
+
+
 def test_the_least_area_and_width_of_waters_are_told_whether_any_is_found() -> None:
     """A piece of 78 m2 of a canal between a bridge and a house was water nowhere, in silence."""
     for points in (lake(), hillside(0, 0.06)):

@@ -190,6 +190,7 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
         "open_length": 40.0,
         "perimeter": 100.0,
         "hidden_area": 0.0,
+        "evidence": "few returns, dark",
     }
     row |= {"area_error": 10.0, "level": 3.5, "level_interval": 0.02, "slope": 0.0}
     row |= {"geometry": shapely.Point(0, 0)}

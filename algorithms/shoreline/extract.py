@@ -207,7 +207,9 @@ class ShorelineExtract:
         def _by_looks_alone(self) -> int:
             """How many bodies are told by a dark level surface alone, as they return pulses."""
             frame = self.water.frame
-            looks = [set(told.split(", ")) - {"level", "level across"} for told in frame["evidence"]]
+            looks = [
+                set(told.split(", ")) - {"level", "level across"} for told in frame["evidence"]
+            ]
             return frame["body"][[rest == {"dark"} for rest in looks]].nunique()
 
         def not_looked_at(self) -> Iterator[str]:

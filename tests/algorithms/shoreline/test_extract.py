@@ -123,7 +123,9 @@ def test_waters_that_look_like_pavement_are_counted() -> None:
     """A dark car park that falls by 1.5 cm was water, and nothing said so (crowned, seed 732)."""
     for kind, returned, told in (("calm", 1.0, "1 of 1"), ("calm", 0.1, ""), ("hills", 1.0, "")):
         some = waters.survey(kind, 3, density=3.0, returned=returned)
-        said = [one for one in extract(some.points).not_looked_at() if "level and dark alone" in one]
+        said = [
+            one for one in extract(some.points).not_looked_at() if "level and dark alone" in one
+        ]
         assert [told in one for one in said] == ([True] if told else [])
 
 

@@ -210,7 +210,7 @@ class ShorelineExtract:
             looks = [
                 set(told.split(", ")) - {"level", "level across"} for told in frame["evidence"]
             ]
-            return frame["body"][[rest == {"dark"} for rest in looks]].nunique()
+            return int(frame["body"][[rest == {"dark"} for rest in looks]].nunique())
 
         def not_looked_at(self) -> Iterator[str]:
             """Small waters, what looks like one, hidden shores, and outlines that are no shore."""

@@ -187,10 +187,13 @@ def centred(corridor: Corridor, support: Support) -> Support:
     if len(legs) > 1:
         aside = sum(legs) / 2
     (ex, ey), (left, right) = support.across, support.reach
+    x = support.x + forth * ey + aside * ex
+    y = support.y - forth * ex + aside * ey
     return replace(
         support,
-        x=support.x + forth * ey + aside * ex,
-        y=support.y - forth * ex + aside * ey,
+        x=x,
+        y=y,
+        ground=corridor.ground(x, y),
         reach=(left - aside, right - aside),
         legs=tuple(leg - aside for leg in legs) or (0.0,),
         sd_along=sigma,

@@ -340,13 +340,22 @@ def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: f
     assert result.wires.frame.span.between(59, 60.1).all()
 
 
-def moved(points: Floats, support: Support) -> Support:
-    """A support moved to points on flat ground."""
-    air = Airborne.of(points)
+def moved(points: Floats, support: Support, slope: float = 0.0) -> Support:
+    """A support moved to points, on ground that rises along x by a slope from x = 20."""
+    air, may = Airborne.of(points), np.ones(len(points), bool)
     corridor = Corridor(
-        air, air.xyz[:, 2], np.ones(len(air.xyz), bool), 0.25, lambda x, y: 0.0, lambda x, y: True
+        air, air.xyz[:, 2], may, 0.25, lambda x, y: slope * (x - 20.0), lambda x, y: True
     )
     return centred(corridor, support)
+
+
+def test_the_foot_of_a_support_is_on_the_ground_where_it_was_moved_to() -> None:
+    """It had the elevation of the place it was moved from, 0.46 m off on a slope of 13 %."""
+    found = moved(
+        pole(21.2, 20.0, 10.0), Support(20.0, 20.0, (0.0, 1.0), (-1, 1), 9.6, 9.6, 0.0, 0.0), 0.13
+    )
+    assert found.ground == pytest.approx(0.13 * (found.x - 20.0))
+    assert found.x == pytest.approx(21.2, abs=0.1)
 
 
 @pytest.mark.parametrize("turn", [0, 1])

@@ -234,9 +234,12 @@ class ClassifyBuildings:
                 )
             if len(self.refused):
                 yield refused_in_words(self.refused)
+            yield "Glass lets pulses through, and greenhouses may be missing."
+            if not len(self.outlines):
+                return
             yield (
                 "Containers side by side or in stacks look like flat roofs, and may be among the "
-                "buildings; glass lets pulses through, and greenhouses may be missing."
+                "buildings."
             )
             yield (
                 "A van or lorry so close to a wall that no ground is seen between, and vehicles "

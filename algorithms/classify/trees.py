@@ -116,7 +116,7 @@ class ClassifyTrees:
     @outputs
     class Outputs:
         tops: Vector = sink(
-            "Highest point of each tree, with heights",
+            "Point of each tree that is highest above the ground, with heights",
             show=show.OfClass(5),
             label="Tree tops",
             columns=columns.TREES,

@@ -44,8 +44,9 @@ class SurfaceLandCover:
     the file beside it that ends in .aux.xml their names, so that a GIS shows both.
 
     Water often swallows the pulses: with `water`, cells in it without points are water. Other cells
-    without points take the class of the nearest cell in gaps between points into which no circle
-    of the radius `max_gap` fits. Wider gaps, and what lies beyond the edge of the data, stay empty.
+    without points take the class of the nearest cell in gaps between cells with points, into which
+    no circle of the radius `max_gap` fits. Wider gaps, and what lies beyond the edge of the data,
+    stay empty.
     """
 
     points: PointCloud = source("Classified points")

@@ -212,6 +212,15 @@ class ShorelineExtract:
             ]
             return int(frame["body"][[rest == {"dark"} for rest in looks]].nunique())
 
+        @property
+        def _by_bright_returns(self) -> int:
+            """How many bodies have their level from few returns that are as bright as land."""
+            from algorithms.shoreline._evidence import DARK, SPARSE
+
+            frame = self.water.frame
+            some = (frame["returned"] <= SPARSE) & (frame["darkness"] < DARK)
+            return int(frame["body"][some & frame["scatter"].notna()].nunique())
+
         def not_looked_at(self) -> Iterator[str]:
             """Small waters, what looks like one, hidden shores, and outlines that are no shore."""
             lengths = unit_of_lengths(self.water.crs)
@@ -221,6 +230,13 @@ class ShorelineExtract:
                     f"Waters of less than {small}, as pieces of a canal between bridges and pools, "
                     f"are not looked for; those narrower than {self.narrowest:.1f} m"
                     f"{own_unit(self.narrowest, lengths)}, as creeks and ditches, may be missing"
+                )
+            if bright := self._by_bright_returns if self.count else 0:
+                yield (
+                    "Waters of which little came back, as bright as land: "
+                    f"{bright} of {self.count} (columns returned and darkness); it may be of "
+                    "plants, ice or foam that float some centimetres above the level, which the "
+                    "intervals of levels do not hold"
                 )
             if hidden := float(self.water.frame["hidden_area"].sum()) if self.count else 0.0:
                 yield (

@@ -271,11 +271,11 @@ def crossing_layer(
                 "span_id": int(line.span[i]),
                 "wire_id": int(line.wire[i]),
                 "state": line.states[a].name,
-                "chainage": one.u[0],
+                "chainage": line.chainage(i, one.u[0], a),
                 "other_span": int(line.span[j]),
                 "other_wire": int(line.wire[j]),
                 "other_state": line.states[b].name,
-                "other_chainage": one.u[1],
+                "other_chainage": line.chainage(j, one.u[1], b),
             }
         )
     shapes = [shapely.LineString(one.places * metre + line.origin) for one in crossings]

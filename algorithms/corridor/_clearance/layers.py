@@ -176,7 +176,7 @@ def object_layer(
                 "distance": one.space,
                 "vertical": one.vertical,
                 "horizontal": one.flat,
-                "chainage": one.u,
+                "chainage": line.chainage(one.wire, one.u, one.state),
                 "height": one.height,
                 "points": len(one.points),
                 "may_be_wire": like.holds(one),
@@ -345,7 +345,8 @@ def _least_of(
     row["ground_at"] = None
     if bare[wire] >= 0:
         point = surroundings.xyz[bare[[wire]]]
-        row["ground_at"] = float(distances(point, line.curves[state][own[wire]])[0, 3])
+        u = float(distances(point, line.curves[state][own[wire]])[0, 3])
+        row["ground_at"] = line.chainage(int(own[wire]), u, state)
     return row | dict(zip(KINDS, map(_if_any, table.min(axis=0)), strict=True))
 
 

@@ -813,7 +813,7 @@ def _profile(
 ) -> Figure:
     """Profile of a span: wires in each state, points around them, objects."""
     own = np.flatnonzero(line.span == span)
-    axis = max((line.curves[0][k] for k in own), key=lambda curve: curve.length)
+    axis = line.axis(span)
     stretch = axis.points(np.array([0.0, axis.length]))[:, across.side]
     xyz, kinds = across.between(stretch.min() - PROFILE_BESIDE, stretch.max() + PROFILE_BESIDE)
     along, beside = axis.along(xyz)

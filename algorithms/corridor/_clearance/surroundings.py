@@ -77,6 +77,16 @@ class LineStates:
         """Numbers of the spans."""
         return [int(number) for number in np.unique(self.span)]
 
+    def axis(self, span: int) -> Catenary:
+        """The longest wire of a span, from the start of which places along the span are told."""
+        own = np.flatnonzero(self.span == span)
+        return max((self.curves[0][wire] for wire in own), key=lambda curve: curve.length)
+
+    def chainage(self, wire: int, u: float, state: int = 0) -> float:
+        """Distance along its span of the place u on a wire, metres: wires may begin apart."""
+        place = self.curves[state][wire].points(np.array([u]))
+        return float(self.axis(int(self.span[wire])).along(place)[0][0])
+
     @property
     def elevation(self) -> float:
         """Mean height of the ends of the wires, metres, from 0 to that of the highest mountain."""

@@ -191,6 +191,9 @@ def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
         "perimeter": 100.0,
         "hidden_area": 0.0,
         "evidence": "few returns, dark",
+        "returned": 0.1,
+        "darkness": 0.9,
+        "scatter": 0.02,
     }
     row |= {"area_error": 10.0, "level": 3.5, "level_interval": 0.02, "slope": 0.0}
     row |= {"geometry": shapely.Point(0, 0)}

@@ -34,6 +34,7 @@ from algorithms.corridor._clearance.distances import Least, Violations, find_vio
 from algorithms.corridor._clearance.hanging import (
     HANGING,
     above_wires,
+    hanging_elsewhere,
     hanging_objects,
     parted_from_hanging,
     warn_of_what_is_above,
@@ -53,6 +54,7 @@ from algorithms.corridor._clearance.objects import (
     clumps_of,
     falling_trees,
     objects_of,
+    of_their_clumps,
     rank_as_surveyed,
     with_falls,
 )
@@ -557,10 +559,20 @@ class CorridorClearance:
         lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
         objects = [*objects, *hanging]
         clumps = clumps_of(surroundings, objects, gap=metric.object_gap)
+        others = of_their_clumps(surroundings, objects, band.may_break, gap=metric.object_gap)
         ranks = rank_as_surveyed(surroundings, line, rules, found, objects, reach=reach)
         layer, unsure = apart(
             object_layer(
-                cloud, surroundings, line, rules, objects, clumps, like, ranks, metric.wire_radius
+                cloud,
+                surroundings,
+                line,
+                rules,
+                objects,
+                clumps,
+                like,
+                others,
+                ranks,
+                metric.wire_radius,
             )
         )
         missing = section(texts_of(metric.wires, like))
@@ -937,9 +949,7 @@ class CorridorClearance:
             ctx=ctx,
         )
         warn_of_what_is_above(surroundings, line, above, self.points.metre)
-        count = int((surroundings.hanging >= 0).sum()) - len(found)
-        if count:
-            surroundings.left_out["Hang in mid-air, may be of the line, and are not near"] = count
+        surroundings.left_out.update(hanging_elsewhere(surroundings, line, found))
         return objects, found
 
     def _reach(self, rules: list[Rule]) -> float:

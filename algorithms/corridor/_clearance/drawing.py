@@ -84,7 +84,8 @@ class Drawing:
             here = kind == number
             image[row[here], col[here]] = number + 1
         size = {"wide": cols * DOT, "tall": rows * DOT}
-        png = _png(image, ["#000000", *colours])
+        # What shows PDF mixes the colours of dots with that of the blank ones between them.
+        png = _png(image, ["#ffffff", *colours])
         self.shapes.append({"shape": "points", "png": png, "opacity": opacity, **size})
 
     def curve(self, x: Floats, y: Floats, colour: str, width: float, dashes: str = "") -> None:

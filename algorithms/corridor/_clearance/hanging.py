@@ -222,6 +222,27 @@ def from_wires_below(
     return found
 
 
+def hanging_elsewhere(
+    surroundings: Surroundings, line: LineStates, listed: Violations
+) -> dict[str, int]:
+    """Number of points that hang in mid-air and are not listed, as they would break no rule.
+
+    Returns
+    -------
+    the number by what it is of, with the distance of the nearest from a wire; empty for none
+    """
+    rest = np.setdiff1d(np.flatnonzero(surroundings.hanging >= 0), listed.point)
+    if not len(rest):
+        return {}
+    some = surroundings.xyz[rest]
+    nearest = min(float(distances(some, curve)[:, 0].min()) for curve in line.curves[0])
+    text = (
+        "Hang in mid-air, may be of the line, and would break no rule; the nearest is "
+        f"{nearest:.1f} m from a wire"
+    )
+    return {text: len(rest)}
+
+
 def hanging_objects(
     surroundings: Surroundings,
     line: LineStates,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import geopandas
@@ -134,6 +135,7 @@ def object_layer(
     objects: Sequence[Object],
     clumps: Sequence[int],
     like: WireLike,
+    others: Sequence[Ints],
     ranks: Ints,
     wire_radius: float,
 ) -> Vector:
@@ -141,6 +143,7 @@ def object_layer(
 
     Parameters
     ----------
+    others : of each object the points that may break a rule at another temperature, of its tree
     ranks : how severe points are with the wires as surveyed, see `rank_as_surveyed`
     wire_radius : metres, see `may_touch`
     """
@@ -150,7 +153,8 @@ def object_layer(
         ruled = rule.severity not in (NO_RULE, UNSURE)
         falls = rule.id == FALLING.id
         surveyed = one.state == 0  # the interval is of the wire as surveyed, colder or warmer
-        low, high = interval_of(one, rule, surroundings, line) if surveyed else (math.nan,) * 2
+        whole = replace(one, points=np.concatenate([one.points, others[number - 1]]))
+        low, high = interval_of(whole, rule, surroundings, line) if surveyed else (math.nan,) * 2
         now = int(ranks[one.points].min())
         rows.append(
             {

@@ -109,6 +109,34 @@ def clumps_of(surroundings: Surroundings, objects: Sequence[Object], *, gap: flo
     return [numbers.setdefault(own, len(numbers) + 1) for own in group.tolist()]
 
 
+def of_their_clumps(
+    surroundings: Surroundings, objects: Sequence[Object], others: Ints, *, gap: float
+) -> list[Ints]:
+    """Of some points those of the clump of each object, if they are nearest to it of all objects.
+
+    They are its, as parts of a tree that are not listed, up to WIDEST_OBJECT from it: whole woods
+    may be one clump.
+
+    Parameters
+    ----------
+    others : indices of points that are of no object
+    gap : as in `objects_of`
+    """
+    own = np.concatenate([*(one.points for one in objects), np.empty(0, np.int64)])
+    if not len(own) or not len(others):
+        return [np.empty(0, np.int64)] * len(objects)
+    owner = np.repeat(np.arange(len(objects)), [len(one.points) for one in objects])
+    kind = surroundings.kind.astype(np.int64)
+    like = np.flatnonzero(np.isin(kind, kind[own]) | np.isin(np.arange(len(kind)), others))
+    clump = np.full(len(kind), -1)
+    clump[like] = groups(surroundings.xyz[like], kind[like], gap)
+    # Clumps lie so far from each other in a fourth direction that no other is nearest.
+    places = np.column_stack([surroundings.xyz, 2 * WIDEST_OBJECT * clump])
+    _, nearest = cKDTree(places[own]).query(places[others], distance_upper_bound=WIDEST_OBJECT)
+    held = np.append(owner, -1)[nearest]
+    return [others[held == number] for number in range(len(objects))]
+
+
 def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
     """Index of the worst point of each group, sorted by urgency, independent of the point order."""
     worst = np.arange(len(group))

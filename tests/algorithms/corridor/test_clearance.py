@@ -401,7 +401,8 @@ def test_what_hangs_far_from_all_rules_is_told() -> None:
     found = run(hung(bits(150.0, 9.0, 2)), distance=2.0)
     assert found["unsure_count"] == 0
     unseen = found["report"].head.unseen
-    assert "Hang in mid-air, may be of the line, and are not near: 2 points." in unseen
+    told = "Hang in mid-air, may be of the line, and would break no rule; the nearest is 9.0 m from"
+    assert f"{told} a wire: 2 points." in unseen
 
 
 def test_trees_alone_are_no_wires(caplog: pytest.LogCaptureFixture) -> None:
@@ -919,6 +920,20 @@ def test_spans_that_end_without_a_tower_are_named_if_they_hang_otherwise(
     assert ("Spans 1 end without a tower" in page) == told
     assert ("1 spans end without a tower" in caplog.text) == told
     assert "without a tower" not in toolbox.run("corridor.clearance", sources)["report"].html()
+
+
+def test_places_along_a_span_are_told_from_where_its_longest_wire_begins() -> None:
+    """Of a span that the data cut they were told from each wire's own start, 9 m apart."""
+    short = replace(LEVEL.between(20.0, 300.0), y=8.0)
+    wires = layer(LEVEL, short)
+    wires = Vector(wires.frame.assign(span_id=1))
+    ground = np.array(flat())
+    ground[:, 2] += 12.0 * (np.hypot(ground[:, 0] - 150.0, ground[:, 1] - 9.0) < 3.0)
+    points = cloud([*blob(150, 9, 25.0), *ground], [5] * 5 + [2] * len(ground))
+    found = toolbox.run("corridor.clearance", {"points": points, "wires": wires, "distance": 5.0})
+    assert found["objects"].frame.wire_id.tolist() == [2], "of the short one"
+    assert found["objects"].frame.chainage.tolist() == pytest.approx([150.0], abs=0.5)
+    assert found["spans"].frame.ground_at.tolist() == pytest.approx([150.0], abs=4.0)
 
 
 def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:

@@ -23,6 +23,8 @@ def test_points_are_dots_in_the_colours_of_their_kinds_and_the_first_kind_is_on_
     made = drawing()
     x, y = np.array([5.0, 5.0, 0.01, 11.0]), np.array([110.0, 110.0, 119.99, 110.0])
     made.points(x, y, np.array([1, 0, 1, 0]), ["#ff0000", "#0000ff"], 1.0)
+    picture = Image.open(io.BytesIO(base64.b64decode(made.shapes[0]["png"])))
+    assert picture.convert("RGB").getcolors()[0][1] == (255, 255, 255), "dots in a PDF turn grey"
     png = re.findall(rb"data:image/png;base64,([^\"]+)", made.svg())
     with Image.open(io.BytesIO(base64.b64decode(png[0]))) as picture:
         pixels = np.asarray(picture.convert("RGBA"))

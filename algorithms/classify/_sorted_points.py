@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.kernels.sorting import stable
+from algorithms.shared.kernels.sorting import firsts, stable
 from algorithms.shared.kernels.squares import numbered
 from algorithms.shared.polygons import Polygons
 
@@ -45,7 +45,7 @@ class SortedPoints:
         side = SIDE * metre
         square, cols = numbered(xyz, side, 0)
         order, square = stable(square)
-        first = np.flatnonzero(np.diff(square, prepend=-1))
+        first = np.flatnonzero(firsts(square))
         corner = int(np.floor(xyz[:, 0].min() / side)), int(np.floor(xyz[:, 1].min() / side))
         return cls(order, square[first], np.append(first, len(order)), int(cols), side, corner)
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.kernels.sorting import stable
+from algorithms.shared.kernels import cells as kernels
+from algorithms.shared.kernels.sorting import firsts, stable
 from algorithms.shared.lowest import blocks, require_finite
 
 MOST = 1 << 20  # cubes along an axis; wider ones are taken beyond that
@@ -66,11 +67,8 @@ class SortedCells:
             np.int64
         ) + 3  # empty ones around, so that none is beside
         stride = int(size[1] * size[2]), int(size[2])
-        key = np.full(len(xyz), stride[0] + stride[1] + 1)
-        for x, least, step in zip(xyz.T, low, (*stride, 1), strict=True):
-            key += ((x - least) / side).astype(np.int64) * step
-        order, key = stable(key)
-        first = np.flatnonzero(np.diff(key, prepend=-1))
+        order, key = stable(kernels.numbers(_frozen(xyz), low, side, stride))
+        first = np.flatnonzero(firsts(key))
         return cls(xyz.take(order, axis=0), order, key[first], np.append(first, len(key)), stride)
 
     @property
@@ -78,3 +76,10 @@ class SortedCells:
         """Blocks of cubes (first, last) of some 20,000 points each, to work on in threads."""
         cells = max(1, len(self.key))
         return blocks(len(self.key), 1 + 100 * len(self.xyz) // cells)
+
+
+def _frozen(xyz: Floats) -> Floats:
+    """A read-only view: for a writable one kernels would be compiled once more."""
+    view = np.ascontiguousarray(xyz).view()
+    view.flags.writeable = False
+    return view

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import helper, kernel
 from algorithms.shared.kernels.sorting import first_at
 
 COLUMNS = 9  # of cells around a cell, with its own; the cells of each are side by side in order
+
+
+@kernel
+def numbers(xyz, low, side, stride):
+    """Number of the cube of each point: one from `low` is the first that has another before it."""
+    found = np.empty(len(xyz), np.int64)
+    for i in range(len(xyz)):
+        x, y = int((xyz[i, 0] - low[0]) / side) + 1, int((xyz[i, 1] - low[1]) / side) + 1
+        z = int((xyz[i, 2] - low[2]) / side) + 1
+        found[i] = x * stride[0] + y * stride[1] + z
+    return found
 
 
 @helper

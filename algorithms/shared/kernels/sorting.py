@@ -36,18 +36,19 @@ def stable(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64
     if int(keys.max(initial=0)) >> (63 - bits):
         order = np.argsort(keys, kind="stable")
         return order, keys[order]
-    both = (keys << bits) | np.arange(len(keys))
-    both = _by_bits(both, np.empty_like(both), bits, bits + int(keys.max(initial=0)).bit_length())
-    return both & ((1 << bits) - 1), both >> bits
+    return _by_bits(keys, bits, bits + int(keys.max(initial=0)).bit_length())
 
 
 @kernel
-def _by_bits(values, spare, first, last):
-    """Whole numbers, none below zero, sorted by their bits first..last; equal ones as they come.
+def _by_bits(keys, first, last):
+    """Order of whole numbers, and the numbers in it, see :func:`stable`.
 
-    They are dealt out by eight bits at a time, the lowest first (Seward 1954), into `spare` and
-    back: whichever of the two arrays holds them in the end is returned.
+    An index is laid into the lowest bits, below `first`. Numbers are dealt out by eight bits at a
+    time, the lowest first (Seward 1954), into a spare array and back, up to the bit `last`.
     """
+    values, spare = np.empty(len(keys), np.int64), np.empty(len(keys), np.int64)
+    for i in range(len(keys)):
+        values[i] = (keys[i] << first) | i
     for shift in range(first, last, 8):
         at = np.zeros(257, np.int64)  # where the next number of each kind goes
         for value in values:
@@ -59,7 +60,21 @@ def _by_bits(values, spare, first, last):
             spare[at[kind]] = value
             at[kind] += 1
         values, spare = spare, values
-    return values
+    for i in range(len(keys)):
+        spare[i] = values[i] & ((1 << first) - 1)
+        values[i] >>= first
+    return spare, values
+
+
+def firsts(ordered: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which of some ordered numbers differ from the one before, as the first one does.
+
+    >>> firsts(np.array([3, 3, 7])).tolist()
+    [True, False, True]
+    """
+    new = np.ones(len(ordered), bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
+    return new
 
 
 def grouped(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -69,7 +84,7 @@ def grouped(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int6
     [[0, 3, 7], [2, 1, 2, 0]]
     """
     order, ordered = stable(keys)
-    new = np.diff(ordered, prepend=-1) != 0
+    new = firsts(ordered)
     number = np.empty(len(keys), np.int64)
     number[order] = np.cumsum(new) - 1
     return ordered[new], number

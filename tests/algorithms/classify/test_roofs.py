@@ -157,6 +157,16 @@ def test_spacing_is_that_of_last_returns(density: float, apart: float, metre: fl
     assert spacing(points.select([])) == 1.0
 
 
+def test_spacing_is_the_same_where_stray_points_stretch_the_box() -> None:
+    """Cells that are too many to be counted are sorted; empty ones count in neither way."""
+    square = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0)), -1).reshape(-1, 2)
+    near = np.column_stack([square, np.zeros(len(square))])
+    far = np.vstack([near, [[4e5, 4e5, 0.0]]])
+    beside = np.vstack([near, [[300.0, 300.0, 0.0]]])  # most cells of the box are empty
+    for xyz in (near, far, beside):
+        assert spacing(PointCloud(np.vstack([xyz, xyz]))) == 1.0
+
+
 def test_lengths_follow_the_density_unless_they_are_given(caplog: pytest.LogCaptureFixture) -> None:
     dense, sparse = (cloud(np.random.default_rng(0).uniform(0, 60, (n, 3))) for n in (28_800, 3600))
     assert Lengths.of(dense, 0.06)[1:] == (1.0, 3.0, 1.5, 0.06, False)

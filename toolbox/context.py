@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from toolbox.errors import Cancelled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 log = logging.getLogger("toolbox")
 Value = TypeVar("Value")
@@ -76,8 +80,8 @@ class Context:
         Parameters
         ----------
         name : of the value
-        inputs : all that it depends on, see :func:`digest`; the digest of a large array serves
-            several values
+        inputs : all that it depends on, see :func:`digest`; of a large array that serves several
+            values the digest is made once, see :class:`Digested`
         make : makes the value
 
         Examples
@@ -99,6 +103,29 @@ class Context:
         return value
 
 
+class Digested:
+    """An array that nobody changes, and its digest, made when it is first asked for.
+
+    Parameters
+    ----------
+    array : of any shape
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> digest(Digested(np.zeros(3))) == digest(Digested(np.zeros(3)))
+    True
+    """
+
+    def __init__(self, array: NDArray[Any]) -> None:
+        self.array = array
+
+    @functools.cached_property
+    def digest(self) -> bytes:
+        """See the function of that name."""
+        return digest(self.array)
+
+
 def digest(*inputs: Any) -> bytes:
     """Digest of arrays by their content, and of values that their text tells apart, as numbers.
 
@@ -112,7 +139,9 @@ def digest(*inputs: Any) -> bytes:
 
     made = hashlib.sha256()  # for which processors have instructions of their own
     for value in inputs:
-        if isinstance(value, np.ndarray):
+        if isinstance(value, Digested):
+            made.update(value.digest)
+        elif isinstance(value, np.ndarray):
             made.update(f"{value.dtype.str}{value.shape}".encode())
             made.update(np.ascontiguousarray(value).data)
         else:

@@ -35,7 +35,7 @@ def spacing(cloud: PointCloud, ctx: Context = QUIET) -> float:
     """
     returns = ReturnNumbers.of(cloud)
     last = ~returns.known | (returns.number == returns.count)
-    inputs = cloud.xyz, last, cloud.metre
+    inputs = cloud.places, last, cloud.metre
     return ctx.once(
         "spacing", inputs, lambda: _spacing(cloud.xyz.compress(last, axis=0), cloud.metre)
     )

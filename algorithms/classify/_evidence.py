@@ -29,7 +29,7 @@ from algorithms.shared.returns import ReturnNumbers, has_numbers, let_through
 from algorithms.shared.selection import of_classes
 from algorithms.shared.terrain import HALO as GROUND_HALO
 from algorithms.shared.terrain import find_terrain, height_above, verdict
-from toolbox.context import QUIET, Context, digest, log, setting_name
+from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, nearest
 
@@ -87,15 +87,10 @@ class PointFeatures:
         return self.cloud.xyz
 
     @functools.cached_property
-    def _places(self) -> bytes:
-        """What tells the coordinates from others, see :meth:`toolbox.context.Context.once`."""
-        return digest(self.xyz) if self.ctx.kept is not None else b""
-
-    @functools.cached_property
     def _sorted(self) -> SortedPoints:
         """The points sorted into squares."""
         xyz, metre = self.xyz, self.cloud.metre
-        return self.ctx.once("sorted", (self._places, metre), lambda: SortedPoints.of(xyz, metre))
+        return self.ctx.once("sorted", (self.cloud.places, metre), lambda: SortedPoints.of(xyz, metre))
 
     def within(self, shape: Any, some: Mask | None = None) -> NDArray[np.int64]:
         """Indices of the points in a polygon, in rising order; see :meth:`SortedPoints.within`."""
@@ -136,7 +131,7 @@ class PointFeatures:
         where there are too few points; the normals have the shape (n, 3). Points at one position
         count once, since duplicates would make a plane of any two positions.
         """
-        inputs = self._places, self.radius, self.cloud.metre
+        inputs = self.cloud.places, self.radius, self.cloud.metre
         found = self.ctx.once("planes", inputs, self._planes)
         self._warn_of_few(np.isnan(found[0]))
         return found
@@ -260,7 +255,7 @@ class PointFeatures:
         how = self.radius, self.context, self.flat, self.by_noise, self.cloud.metre
         given = b"" if self.given_scatter is None else self.given_scatter
         known = self.ground_classes is not None
-        inputs = self._places, self.terrain[0], self.let_through, given, known, *how
+        inputs = self.cloud.places, self.terrain[0], self.let_through, given, known, *how
         return self.ctx.once("around", inputs, self._around)
 
     def _around(self) -> Mapping[str, Floats]:

@@ -38,7 +38,7 @@ def steep_regions(
     lengths : of which the spacing tells where the data end
     """
     above, metre = features.terrain[1] > FOOT, features.cloud.metre
-    at_edge = cut(list(shapes), points.xyz, lengths.spacing, metre, ctx=features.ctx)
+    at_edge = cut(list(shapes), points.places, lengths.spacing, metre, ctx=features.ctx)
     rows = []
     for shape, there in zip(shapes, at_edge, strict=True):
         inside = features.within(shape, above)
@@ -119,7 +119,7 @@ def _without_building(
         return np.empty(0, object), 0
     shapes = without_spikes(np.asarray(found, object), lengths.alpha)
     shapes = shapes[~shapely.is_empty(shapes)]
-    at_edge = cut(list(shapes), xyz, lengths.spacing, given.metre)
+    at_edge = cut(list(shapes), given.places, lengths.spacing, given.metre)
     shapes = shapes[shapely.area(shapes) >= np.where(at_edge, AT_EDGE, 1.0) * least]
     points = SortedPoints.of(xyz, given.metre)
     around = shapely.buffer(shapes, TOUCHING * given.metre)  # their corners are points, too

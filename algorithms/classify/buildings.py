@@ -423,8 +423,8 @@ class ClassifyBuildings:
                 rows.append(row | highest(row, own))
                 parts += [part | {"building_height": rows[-1]["height"]} for part in own]
         outlined = [row["geometry"] for row in rows + parts]
-        xyz, metre = self.points.xyz, self.points.metre
-        at_edge = cut(outlined, xyz, lengths.spacing, metre, ctx=ctx)
+        places, metre = self.points.places, self.points.metre
+        at_edge = cut(outlined, places, lengths.spacing, metre, ctx=ctx)
         for row, there in zip(rows + parts, at_edge, strict=True):
             row["cut"] = bool(there)
         if narrow:

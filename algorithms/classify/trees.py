@@ -207,7 +207,7 @@ class ClassifyTrees:
         rows = list(self._rows(np.flatnonzero(some), tree, height, lengths, ctx.part(0.8, 1.0)))
         rows = self._without_spires(rows)
         crowns = [row["crown"] for row in rows]
-        at_edge = cut(crowns, cloud.xyz, lengths.spacing, cloud.metre, ctx=ctx)
+        at_edge = cut(crowns, cloud.places, lengths.spacing, cloud.metre, ctx=ctx)
         rows = [row | {"cut": bool(there)} for row, there in zip(rows, at_edge, strict=True)]
         ctx.progress(1.0)
         return self._packed(rows)
@@ -217,6 +217,7 @@ class ClassifyTrees:
     ) -> Iterator[dict[str, Any]]:
         """Attributes, top and crown of each tree."""
         cloud, core = self.points, self.points.core  # of all points, which takes time to make
+        metre = cloud.metre
         number = np.unique(tree, return_inverse=True)[1]
         crowns = outlines(cloud.xyz[some, :2], number, lengths.alpha, ctx)
         ends = np.cumsum(np.bincount(number))[:-1]
@@ -227,7 +228,7 @@ class ClassifyTrees:
             x, y, z = cloud.xyz[top]
             yield {
                 "id": name_of(crown),
-                "height": float(height[top]) * cloud.metre,
+                "height": float(height[top]) * metre,
                 "elevation": float(z),
                 "crown_area": crown.area,
                 "crown_diameter": float(2 * np.sqrt(crown.area / np.pi)),

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.shared.windows import closed
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, Digested
 from toolbox.data import Lattice
 
 CELL = 1.0  # metres
@@ -22,7 +22,7 @@ BESIDE = 2  # cells from the last points: an outline runs between points, and ha
 
 def cut(
     shapes: Sequence[Any],
-    xyz: NDArray[np.float64],
+    places: Digested,
     spacing: float,
     metre: float,
     *,
@@ -36,7 +36,7 @@ def cut(
     Parameters
     ----------
     shapes : polygons
-    xyz : all points, of shape (n, 2) or (n, 3)
+    places : all points, of shape (n, 2) or (n, 3)
     spacing : distance of points, in their unit
     metre : in their unit
     ctx : keeps the edge
@@ -48,17 +48,19 @@ def cut(
     Examples
     --------
     >>> xy = np.stack(np.meshgrid(np.arange(0, 50, 0.5), np.arange(0, 50, 0.5)), -1).reshape(-1, 2)
-    >>> cut([shapely.box(20, 20, 30, 30), shapely.box(45, 20, 49, 30)], xy, 0.5, 1.0)
+    >>> cut([shapely.box(20, 20, 30, 30), shapely.box(45, 20, 49, 30)], Digested(xy), 0.5, 1.0)
     array([False,  True])
     """
     if not len(shapes):
         return np.zeros(0, bool)
     cell = max(CELL * metre, BY_SPACING * spacing)
     gap = GAP * metre / cell
-    lattice, edge = ctx.once("edge", (xyz, cell, gap), lambda: _edge(xyz, cell, gap))
+    lattice, edge = ctx.once(
+        "edge", (places, cell, gap), lambda: _edge(places.array, cell, gap)
+    )
     lines = shapely.segmentize(np.asarray(shapes, object), cell)
-    places, owner = shapely.get_coordinates(lines, return_index=True)
-    met = owner[edge[lattice.indices(*places.T)]]
+    drawn, owner = shapely.get_coordinates(lines, return_index=True)
+    met = owner[edge[lattice.indices(*drawn.T)]]
     return np.bincount(met, minlength=len(shapes)) > 0
 
 

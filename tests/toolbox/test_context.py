@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolbox.context import QUIET, Context, listening, log
+from toolbox import context
+from toolbox.context import QUIET, Context, Digested, listening, log
 
 HEIGHTS = np.arange(6.0)
 
@@ -42,6 +43,19 @@ def test_equal_content_is_made_once() -> None:
 )
 def test_other_inputs_are_told_apart(other: tuple[Any, ...]) -> None:
     assert len(kept((HEIGHTS, 1.0), other, (HEIGHTS, 1.0), ctx=Context().keeping())) == 3
+
+
+def test_the_digest_of_a_large_array_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+    whole = context.digest
+    monkeypatch.setattr(context, "digest", lambda *given: made.append(given) or whole(*given))
+    ctx, heights = Context().keeping(), Digested(HEIGHTS)
+    for name in ("top", "edge"):
+        ctx.once(name, (heights, 1.0), lambda: None)
+    assert sum(given[0] is HEIGHTS for given in made) == 1
+    assert len(kept((heights,), (Digested(HEIGHTS.copy()),), (Digested(HEIGHTS + 1),), ctx=ctx)) == 2
+    QUIET.once("top", (other := Digested(HEIGHTS),), lambda: None)
+    assert "digest" not in vars(other)  # where nothing is kept, nobody asks
 
 
 def test_only_the_last_of_a_name_is_kept() -> None:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pyproj import CRS
 
 from toolbox import language
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, Digested
 from toolbox.data.cloud import joining, parts, saving
 from toolbox.data.cloud.arrays import columns_of, coordinates, frozen, indices
 from toolbox.data.cloud.gps_time import days_of
@@ -107,6 +107,7 @@ class PointCloud(Layer):
         self._file: NDArray[np.int32] | None = None  # see `file`
         self._extent: tuple[float, ...] | None = None  # see `extent`
         self._steps: las_points.Steps | None = None  # see `with_steps`
+        self._places: Digested | None = None  # see `places`
         self._columns = columns_of(attributes or {}, self._size)
         self._descriptions = dict(descriptions or {})
         self.crs, self.name = crs_of(crs), name
@@ -326,6 +327,16 @@ class PointCloud(Layer):
         return self._xyz
 
     @property
+    def places(self) -> Digested:
+        """The coordinates with their digest, which clouds with other attributes take over.
+
+        Steps that look at the same points are told by it, see :meth:`toolbox.context.Context.once`.
+        """
+        if self._places is None or self._places.array is not self.xyz:
+            self._places = Digested(self.xyz)
+        return self._places
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the attributes; those of the file come first."""
         of_file = self._metadata.names if self._metadata else ()
@@ -442,7 +453,7 @@ class PointCloud(Layer):
         """The points of a mask, or of an array of indices in that order."""
         index = indices(np.asarray(which), len(self))
         cloud = self._copy()
-        cloud._size = len(index)
+        cloud._size, cloud._places = len(index), None
         # Of records and rows, take() is far faster than an index in brackets.
         cloud._packed = None if self._packed is None else frozen(self._packed.take(index))
         cloud._xyz = None if self._xyz is None else frozen(self._xyz.take(index, axis=0))
@@ -528,7 +539,7 @@ class PointCloud(Layer):
         if len(moved) != len(self):
             raise DataError(f"{len(moved)} coordinates do not fit {len(self)} points")
         cloud = self._copy()
-        cloud._xyz, cloud._moved, cloud._extent = moved, True, None
+        cloud._xyz, cloud._moved, cloud._extent, cloud._places = moved, True, None, None
         return cloud
 
     @property
@@ -603,7 +614,7 @@ class PointCloud(Layer):
         cloud._packed = arrays.get("packed")
         cloud._xyz = arrays.get("xyz")
         cloud._columns = {name: arrays[f"column {name}"] for name in self._columns}
-        cloud._origin = cloud._file = None
+        cloud._origin = cloud._file = cloud._places = None
         return cloud
 
     def with_crs(self, crs: CRS | str | int | None) -> PointCloud:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
+from toolbox.context import Digested, digest
 from toolbox.data import PointCloud
 from toolbox.data.crs import parse_crs
 from toolbox.data.las import points as las_points
@@ -85,6 +86,23 @@ def test_a_selection_takes_coordinates_that_are_known(
 def test_what_selects_no_points_is_refused(any_cloud: PointCloud, which: list[object]) -> None:
     with pytest.raises(DataError, match="mask"):
         any_cloud.select(which)
+
+
+def test_clouds_that_share_coordinates_share_their_digest_and_others_do_not(
+    any_cloud: PointCloud,
+) -> None:
+    """Whatever came first: the question, or the change."""
+    places = any_cloud.places
+    assert digest(places) == digest(Digested(any_cloud.xyz.copy()))
+    assert any_cloud.with_attributes({"a": np.zeros(len(any_cloud))}).places is places
+    some = any_cloud.select(np.arange(len(any_cloud))[1:])
+    moved, empty = any_cloud.with_xyz(any_cloud.xyz + 1.0), any_cloud.select([])
+    arrays = any_cloud.with_arrays(some.arrays())
+    for other in (some, moved, arrays, empty, moved.like(some), any_cloud.with_crs(None)):
+        assert other.places.array is other.xyz
+        assert digest(other.places) == digest(Digested(other.xyz.copy()))
+    assert some._places is not None
+    assert any_cloud.select([0])._places is None  # which would hold all coordinates
 
 
 def test_changes_make_a_new_cloud(any_cloud: PointCloud) -> None:

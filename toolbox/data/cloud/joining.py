@@ -57,6 +57,7 @@ def like(cloud: PointCloud, template: PointCloud) -> PointCloud:
     }
     keeps = template._moved or template._metadata is None
     made._xyz, made._moved = cloud.xyz if keeps else None, template._moved
+    made._places = None
     if cloud._metadata is None or cloud._packed is None or template._metadata is None:
         made._packed = None
         return made

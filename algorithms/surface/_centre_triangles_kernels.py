@@ -14,6 +14,7 @@ from algorithms.surface._tin_kernels import on_corners
 # squares end within WINDOW. A larger one, cut down to 2.4, holds 2 x 2 whole squares, as
 # sqrt(2) (2 + 1) / 2 < 2.4; and what is on it is within SPREAD of these, as 2.4 + 1 / 2 - 1 < 2.
 WINDOW = 5  # squares on each side
+WINDOWS = (1, 2, 3, WINDOW)  # looked into one after the other, until the circle lies within
 SPREAD = 2  # squares on each side of 2 x 2 empty ones
 ROUNDING = 2.0**-44  # share by which a plane is wrong at most, for a triangle of some breadth
 SLIVER = 1e-8  # of the square of the extent: the circle of a flatter triangle is not known well
@@ -75,7 +76,7 @@ def fill(first_row, last_row, xy, values, starts, west, south, size, rows, cols,
             if not (0 <= at_row < rows and 0 <= at_col < cols):
                 continue
             a = b = c = np.int64(-1)
-            for wide in range(1, WINDOW + 1, 2):
+            for wide in WINDOWS:
                 near, index, count = _gather(
                     xy, starts, rows, cols, at_row, at_col, wide, x, y, near, index
                 )

@@ -90,7 +90,9 @@ class PointFeatures:
     def _sorted(self) -> SortedPoints:
         """The points sorted into squares."""
         xyz, metre = self.xyz, self.cloud.metre
-        return self.ctx.once("sorted", (self.cloud.places, metre), lambda: SortedPoints.of(xyz, metre))
+        return self.ctx.once(
+            "sorted", (self.cloud.places, metre), lambda: SortedPoints.of(xyz, metre)
+        )
 
     def within(self, shape: Any, some: Mask | None = None) -> NDArray[np.int64]:
         """Indices of the points in a polygon, in rising order; see :meth:`SortedPoints.within`."""

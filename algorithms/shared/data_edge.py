@@ -55,9 +55,7 @@ def cut(
         return np.zeros(0, bool)
     cell = max(CELL * metre, BY_SPACING * spacing)
     gap = GAP * metre / cell
-    lattice, edge = ctx.once(
-        "edge", (places, cell, gap), lambda: _edge(places.array, cell, gap)
-    )
+    lattice, edge = ctx.once("edge", (places, cell, gap), lambda: _edge(places.array, cell, gap))
     lines = shapely.segmentize(np.asarray(shapes, object), cell)
     drawn, owner = shapely.get_coordinates(lines, return_index=True)
     met = owner[edge[lattice.indices(*drawn.T)]]

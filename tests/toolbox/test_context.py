@@ -53,7 +53,9 @@ def test_the_digest_of_a_large_array_is_made_once(monkeypatch: pytest.MonkeyPatc
     for name in ("top", "edge"):
         ctx.once(name, (heights, 1.0), lambda: None)
     assert sum(given[0] is HEIGHTS for given in made) == 1
-    assert len(kept((heights,), (Digested(HEIGHTS.copy()),), (Digested(HEIGHTS + 1),), ctx=ctx)) == 2
+    assert (
+        len(kept((heights,), (Digested(HEIGHTS.copy()),), (Digested(HEIGHTS + 1),), ctx=ctx)) == 2
+    )
     QUIET.once("top", (other := Digested(HEIGHTS),), lambda: None)
     assert "digest" not in vars(other)  # where nothing is kept, nobody asks
 

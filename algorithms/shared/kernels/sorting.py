@@ -36,7 +36,8 @@ def stable(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64
     if int(keys.max(initial=0)) >> (63 - bits):
         order = np.argsort(keys, kind="stable")
         return order, keys[order]
-    return _by_bits(keys, bits, bits + int(keys.max(initial=0)).bit_length())
+    order, ordered = _by_bits(keys, bits, bits + int(keys.max(initial=0)).bit_length())
+    return order, ordered
 
 
 @kernel
@@ -56,9 +57,9 @@ def _by_bits(keys, first, last):
         for kind in range(256):
             at[kind + 1] += at[kind]
         for value in values:
-            kind = (value >> shift) & 255
-            spare[at[kind]] = value
-            at[kind] += 1
+            own = (value >> shift) & 255
+            spare[at[own]] = value
+            at[own] += 1
         values, spare = spare, values
     for i in range(len(keys)):
         spare[i] = values[i] & ((1 << first) - 1)

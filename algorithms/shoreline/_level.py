@@ -28,8 +28,7 @@ FEWEST = 6  # points on the water that tell its level, or that of a strip
 BLOCKS = 16  # of which the scatter is the error: waves may be as long as a quarter of the body
 FINE = 64  # blocks that tell whether a surface has a step: few lie across it
 DIRECTIONS = 12  # of lines that are tried as the step
-SLOPE = 0.75  # share of the variance of blocks on a slope that a step explains
-STEPPED = 0.85  # the same of a step, but for the noise of points
+STEPPED = 0.85  # share of the variance of blocks that a step explains: 0.75 of a slope
 DAYS = 0.05  # m between flights that is told of
 CONFIDENCE = 0.95
 NINETY_FIVE = float(ndtri((1 + CONFIDENCE) / 2))  # standard errors to each side of it
@@ -93,9 +92,8 @@ class Level:
 
     @property
     def highest(self) -> float:
-        """The highest level of a strip or a part."""
-        strips = [height for _, height in self.of_strip]
-        return float(max([self.height, *strips, *(self.parts or ())]))
+        """The highest level of a strip."""
+        return max([self.height, *(height for _, height in self.of_strip)])
 
     def shift(self, strip: NDArray[np.integer[Any]]) -> Floats:
         """How far the level of the strip of each point is above that of all, shape (n,)."""
@@ -154,7 +152,6 @@ def level_of(
     """
     heights, strips = xyz[core, 2], strip[core]
     middle = _of_strips(heights, strips, _settled(heights, start, metre)[0], metre)
-    middle += _of_parts(xyz[core, :2], heights - middle, metre)
     shift, sigma = _settled(heights - middle, 0.0, metre)
     near = abs(heights - middle - shift) <= WIDEST * sigma
     if near.sum() < FEWEST:
@@ -226,20 +223,6 @@ def _of_strips(heights: Floats, strip: Ints, middle: float, metre: float) -> Flo
     return medians
 
 
-def _of_parts(xy: Floats, off: Floats, metre: float) -> Floats:
-    """Level of the part of each point about a middle; 0 unless two parts have their own.
-
-    If one middle were taken, the part that differs by more than the noise would be left out, and
-    nothing would tell of it.
-    """
-    some = abs(off) <= WIDEST * MOST_SIGMA * metre
-    parts = _parts(np.column_stack([xy[some], off[some]]), metre)
-    if parts is None:
-        return np.zeros(len(off))
-    low, high = parts
-    return np.where(abs(off - low) < abs(off - high), low, high)
-
-
 def _settled(heights: Floats, middle: float, metre: float) -> tuple[float, float]:
     """Median and standard deviation of the heights around a first estimate."""
     sigma, count = FIRST_SIGMA * metre, -1
@@ -292,17 +275,13 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
 def _parts(xyz: Floats, metre: float) -> tuple[float, float] | None:
     """Levels on both sides of a straight line across a surface, if a step there explains it.
 
-    A step explains three quarters of a slope, less of waves and noise, and nearly all of two
-    levels but for the noise of points, which the few of a block do not average out.
+    A slope explains three quarters as a step, waves and noise less; two levels nearly all.
     """
-    if len(xyz) < FINE:
+    means = np.array([xyz[some].mean(axis=0) for some in even_blocks(xyz, FINE)])
+    if len(means) < FINE:
         return None
-    blocks = even_blocks(xyz, FINE)
-    means = np.array([xyz[some].mean(axis=0) for some in blocks])
-    noise = sum(float(np.var(xyz[some, 2])) / len(some) for some in blocks)
     z = means[:, 2] - means[:, 2].mean()
-    whole = float(z @ z)
-    best, parts = max(SLOPE * whole, STEPPED * (whole - noise)), None
+    best, parts = STEPPED * float(z @ z), None
     few = len(z) // 10
     for angle in np.arange(DIRECTIONS) * math.pi / DIRECTIONS:
         order = np.argsort(means[:, :2] @ [math.cos(angle), math.sin(angle)], kind="stable")

@@ -153,7 +153,8 @@ def object_layer(
         ruled = rule.severity not in (NO_RULE, UNSURE)
         falls = rule.id == FALLING.id
         surveyed = one.state == 0  # the interval is of the wire as surveyed, colder or warmer
-        whole = replace(one, points=np.concatenate([one.points, others[number - 1]]))
+        rest = others[number - 1] if rule.severity in BROKEN else one.points[:0]
+        whole = replace(one, points=np.concatenate([one.points, rest]))
         low, high = interval_of(whole, rule, surroundings, line) if surveyed else (math.nan,) * 2
         now = int(ranks[one.points].min())
         rows.append(

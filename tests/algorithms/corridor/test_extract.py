@@ -58,6 +58,7 @@ from algorithms.corridor._extraction.spans import (
     conductors_of,
     numbered,
     on_wire,
+    recovered,
     stands_alone,
     upheld,
 )
@@ -930,6 +931,17 @@ def test_a_wire_that_no_support_is_seen_to_hold_is_one_if_it_is_no_accident(leav
     assert made is not None
     one = [(Wire(made, (-1, -1), (0.0, made.length), 0.25), 0)]
     assert bool(upheld(corridor, [one])) == (leaves == 0)
+
+
+@pytest.mark.parametrize(("tolerance", "found"), [(0.25, 1), (0.1, 0)])
+def test_what_hangs_beside_a_stack_is_of_another_line(tolerance: float, found: int) -> None:
+    """Wires of a street's other side were taken for some of a stack, and then lost there."""
+    curve, points = wire((0, 0, 9), (40, 0, 9), 130, per_metre=1.0)
+    _, other = wire((0, 9, 9), (40, 9, 9), 130, per_metre=1.0, seed=1)
+    air = Airborne.of(np.vstack([points, other]))
+    corridor = replace(in_free_air(air), tolerance=tolerance)
+    wires = [Wire(curve, (0, 1), (0.0, 40.0), tolerance)]
+    assert len(recovered(corridor, wires)) == found
 
 
 @pytest.mark.parametrize("leaves", [0, 2000])

@@ -63,7 +63,7 @@ from algorithms.corridor._extraction.spans import (
     upheld,
 )
 from algorithms.corridor._extraction.supports import Support
-from algorithms.corridor._extraction.towers import centred
+from algorithms.corridor._extraction.towers import between_masts, centred
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract, PowerLine, label_points
 from algorithms.samples.scene import SamplesScene
@@ -931,6 +931,17 @@ def test_a_wire_that_no_support_is_seen_to_hold_is_one_if_it_is_no_accident(leav
     assert made is not None
     one = [(Wire(made, (-1, -1), (0.0, made.length), 0.25), 0)]
     assert bool(upheld(corridor, [one])) == (leaves == 0)
+
+
+def test_an_axis_is_between_masts_that_lean_apart() -> None:
+    """Ropes on one side had drawn it 4 m off, to one of the masts."""
+    one, ropes = np.linspace(-0.5, 0.5, 14), np.array([-11.0, -10.5, -9.8])
+    found = between_masts(np.concatenate([one, one + 7.8, ropes]), 3.7, 14.0)
+    assert found == pytest.approx(3.9, abs=0.1)
+    assert between_masts(one, 3.7, 14.0) is None, "one mast"
+    assert between_masts(one, 0.1, 14.0) is None, "a pole"
+    assert between_masts(np.concatenate([one, one + 7.8]), 1.5, 14.0) is None, "wires elsewhere"
+    assert between_masts(np.array([0.0, 7.8]), 3.9, 14.0) is None, "few points"
 
 
 @pytest.mark.parametrize(("tolerance", "found"), [(0.25, 1), (0.1, 0)])

@@ -425,9 +425,6 @@ class Drops:
     """Service drops, single wires from a pole to a house."""
 
     longest: float = built(40.0, "m", "of a drop; longer ones need a pole of their own")
-    company: int = tried(
-        6, "points", "on no wire within 2 m of one of a drop; of roofs and crowns there are more"
-    )
 
 
 @dataclass(frozen=True)

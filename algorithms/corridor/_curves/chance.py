@@ -78,6 +78,7 @@ def by_step(
     own, around = (
         corridor.air.around(curve, r)[0] for r in (tolerance, SETTINGS.curves.clutter_radius)
     )
+    own = own[corridor.may[own]]
     beside = np.setdiff1d(around[~taken[around]], own, assume_unique=True)
     bins = max(1, round(curve.length / step))
     on_it, beside = (

@@ -83,15 +83,19 @@ def stacks_among(
     """
     arcs: list[Piece] = []
     cut: list[Alignment] = []
+    known = np.zeros(len(corridor.wires.xyz), bool)
     for alignment in alignments_among(corridor, pieces):
         tracks = [alignment.track(corridor.wires.xyz[piece.points]) for piece in alignment.pieces]
         for own in planes(tracks, corridor.own_radius):
+            if known[np.concatenate([alignment.pieces[k].points for k in own])].mean() > 0.5:
+                continue
             stack = stack_in(corridor, alignment, np.vstack([tracks[k] for k in own]))
             found = hung(corridor, stack, ctx) if stack is not None else None
             if found is not None:
                 line, bend = found
                 for piece in line.pieces:
                     arcs += cut_up(corridor, line, piece, bend, len(cut))
+                    known[piece.points] = True
                 cut.append(line)
     return arcs, cut
 
@@ -248,7 +252,9 @@ def hung(corridor: Corridor, stack: Stack, ctx: Context) -> tuple[Alignment, flo
     None if none hang there, or need not be looked for together: wires that sag by less than they
     are apart, such as those of a bundle, whose spans are longer than are tried.
     """
-    bend, spans = best_spans(stack, ctx)
+    bend = best_bend(stack, bends_tried(), ctx)
+    stack = grown(corridor, stack, bend)
+    bend, spans = best_spans(stack, bend, ctx)
     if bend / 8 * np.median([(b - a) ** 2 for a, _, b, _ in spans] or [0.0]) < stack.spacing:
         return None
     pieces = list(wires_on(corridor, stack, bend, spans))
@@ -261,16 +267,35 @@ def hung(corridor: Corridor, stack: Stack, ctx: Context) -> tuple[Alignment, flo
     return replace(line, cuts=cuts, sigmas=sigmas), bend
 
 
-def best_spans(stack: Stack, ctx: Context) -> tuple[float, list[Span]]:
-    """The curvature, 1 / metre, by which most points are likely on wires, and their spans."""
+def grown(corridor: Corridor, stack: Stack, bend: float) -> Stack:
+    """The stack as far as spans of it follow each other.
+
+    Where no track is known for a while it would end in a span, and so would the one behind.
+    """
+    while True:
+        spans = spans_of(stack, bend, COARSE)[1]
+        points = stack.points[levels_on(corridor, stack, bend, spans) >= 0]
+        track = stack.axis.track(corridor.wires.xyz[points])
+        wider = stack_in(corridor, stack.axis, track) if len(track) else None
+        if wider is None or len(wider.middle) < len(stack.middle) + SETTINGS.arcs.shortest_span:
+            return stack
+        stack = wider
+
+
+def best_spans(stack: Stack, about: float, ctx: Context) -> tuple[float, list[Span]]:
+    """The curvature about one, 1 / metre, by which most points are likely on wires, and spans."""
+    bend = best_bend(stack, [about * FINER**k for k in (-2, -1, 0, 1, 2)], ctx)
+    return bend, spans_of(stack, bend, FINE)[1]
+
+
+def best_bend(stack: Stack, bends: Sequence[float], ctx: Context) -> float:
+    """That of some curvatures, 1 / metre, by which most points are likely on wires."""
 
     def told(bend: float) -> float:
         ctx.progress(0.0)  # which ends it if it is to be cancelled
         return spans_of(stack, bend, COARSE)[0]
 
-    coarse = max(bends_tried(), key=told)
-    bend = max((coarse * FINER**k for k in (-2, -1, 0, 1, 2)), key=told)
-    return bend, spans_of(stack, bend, FINE)[1]
+    return max(bends, key=told)
 
 
 def spans_of(stack: Stack, bend: float, step: float) -> tuple[float, list[Span]]:
@@ -327,6 +352,16 @@ def wires_on(
     corridor: Corridor, stack: Stack, bend: float, spans: Sequence[Span]
 ) -> Iterator[Piece]:
     """A piece along all spans for each wire of a stack, of the points that are on it."""
+    level = levels_on(corridor, stack, bend, spans)
+    for k in range(stack.count):
+        points = np.sort(stack.points[level == k])
+        curve = fit(corridor.wires.xyz[points], spread=math.inf)  # of many spans: where it leads
+        if curve is not None:
+            yield Piece(points, curve)
+
+
+def levels_on(corridor: Corridor, stack: Stack, bend: float, spans: Sequence[Span]) -> Ints:
+    """On which wire of a stack each of its points is, from the lowest; -1 for none."""
     level = np.full(len(stack.u), -1)
     for a, z_a, b, z_b in spans:
         own = np.flatnonzero((stack.u >= a) & (stack.u < b))
@@ -335,11 +370,7 @@ def wires_on(
         away = np.abs((stack.z[own] - shape)[:, None] - stack.levels)
         on_it = away.min(axis=1) < min(corridor.own_radius, stack.spacing / 2)
         level[own] = np.where(on_it, away.argmin(axis=1), -1)
-    for k in range(stack.count):
-        points = np.sort(stack.points[level == k])
-        curve = fit(corridor.wires.xyz[points], spread=math.inf)  # of many spans: where it leads
-        if curve is not None:
-            yield Piece(points, curve)
+    return level
 
 
 def cut_up(

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.chance import chance
-from algorithms.corridor._curves.network import Corridor, is_on_roof, is_straight
+from algorithms.corridor._curves.network import Corridor, beside_of, is_on_roof, is_straight
 from algorithms.corridor._curves.sparse import room
 from algorithms.corridor._extraction import drops_kernels as kernels
 from algorithms.corridor._extraction.missed import longest_by_chance
@@ -41,13 +41,15 @@ def with_drops(
     """The wires, and behind them the service drops from their poles, each a span of its own."""
     taken = np.zeros(len(corridor.air.xyz), bool)
     taken[on_any(corridor, wires)] = True
+    clear = is_clear(corridor, wires)
     found = list(wires)
     for number, support in enumerate(supports):
         held = [wire for wire in wires if number in wire.supports]
         if not held or not is_pole(support.high - support.ground):
             continue
-        own = candidates(corridor, support, wires, taken)
-        for curve in drops_of(corridor, support, held, own, taken):
+        own = around_pole(corridor, support, taken)
+        ends = own[clear[own] & stand_alone(corridor, own, taken)]
+        for curve in drops_of(corridor, support, held, own, ends, taken, clear):
             span, bundle, wire_id = (
                 1 + max(getattr(wire, name) for wire in found)
                 for name in ("span", "bundle", "wire")
@@ -67,25 +69,42 @@ def with_drops(
     return found
 
 
-def candidates(corridor: Corridor, support: Support, wires: Sequence[Wire], taken: Mask) -> Ints:
-    """Indices of the points around a pole that stand alone, on no wire and above or below none."""
+def around_pole(corridor: Corridor, support: Support, taken: Mask) -> Ints:
+    """Indices of the points that may be of a drop from a pole: not of this, and on no wire."""
     place, air = np.array([support.x, support.y]), corridor.air
     near = air.within(place, SETTINGS.drops.longest)
     near = near[corridor.may[near] & ~taken[near]]
-    xyz = air.xyz[near]
-    keep = np.hypot(*(xyz[:, :2] - place).T) < SETTINGS.drops.longest
-    keep &= xyz[:, 2] < support.high + SETTINGS.arcs.arm_above
+    away = np.hypot(*(air.xyz[near, :2] - place).T)
+    own = (away > SETTINGS.arcs.arm_half_width) & (away < SETTINGS.drops.longest)
+    return np.asarray(near[own])
+
+
+def stand_alone(corridor: Corridor, own: Ints, taken: Mask) -> Mask:
+    """Which of some points have few others around them, those on wires not counted."""
+    around = corridor.air.tree.query_ball_point(corridor.air.xyz[own], room())
+    others = np.array([np.count_nonzero(~taken[near]) - 1 for near in around], np.int64)
+    return others <= SETTINGS.sparse.company
+
+
+def is_clear(corridor: Corridor, wires: Sequence[Wire]) -> Mask:
+    """Which points above the ground are above or below no wire."""
+    clear = np.ones(len(corridor.air.xyz), bool)
     for wire in wires:
-        u, v, _ = wire.curve.residuals(xyz)
-        keep &= (u < 0) | (u > wire.curve.length) | (np.abs(v) > corridor.own_radius)
-    near = near[keep]
-    around = air.tree.query_ball_point(air.xyz[near], room())
-    others = np.array([np.count_nonzero(~taken[own]) - 1 for own in around], np.int64)
-    return np.asarray(near[others <= SETTINGS.drops.company])
+        near = beside_of(corridor.air, wire.curve, corridor.own_radius)
+        u, v, _ = wire.curve.residuals(corridor.air.xyz[near])
+        below = (u >= 0) & (u <= wire.curve.length) & (np.abs(v) <= corridor.own_radius)
+        clear[near[below]] = False
+    return clear
 
 
 def drops_of(
-    corridor: Corridor, support: Support, held: Sequence[Wire], own: Ints, taken: Mask
+    corridor: Corridor,
+    support: Support,
+    held: Sequence[Wire],
+    own: Ints,
+    ends: Ints,
+    taken: Mask,
+    clear: Mask,
 ) -> list[Catenary]:
     """Service drops from a pole, the least accidental first; their points are taken.
 
@@ -93,10 +112,11 @@ def drops_of(
     ----------
     held : the wires that the pole holds
     own : indices of the points that may be of a drop
-    taken : which points above the ground are on wires
+    ends : of those to which wires are tried
+    taken, clear : which points above the ground are on wires, and above or below none
     """
     radius, step = radius_of(held), SETTINGS.points.company_side / 2
-    xyz = np.ascontiguousarray(corridor.air.xyz[own])
+    xyz, last = (np.ascontiguousarray(corridor.air.xyz[some]) for some in (own, ends))
     starts = np.arange(
         support.low - SETTINGS.arcs.arm_above,
         support.high + SETTINGS.arcs.arm_above + radius,
@@ -111,19 +131,19 @@ def drops_of(
         SETTINGS.structures.bridge_sag,
         step,
     )
-    filled, start, bend = np.zeros(len(xyz), np.int64), np.zeros(len(xyz)), np.zeros(len(xyz))
-    tests = kernels.search(support.x, support.y, starts, xyz, shape, filled, start, bend)
+    filled, (start, bend) = np.zeros(len(last), np.int64), np.zeros((2, len(last)))
+    tests = kernels.search(support.x, support.y, starts, xyz, last, shape, filled, start, bend)
     sure = math.log(SETTINGS.sparse.false_alarms) - math.log(max(1, tests))
     tried = []
     for i in np.flatnonzero(filled >= SETTINGS.towers.known_by_points).tolist():
-        guess = between((support.x, support.y, start[i]), xyz[i], bend[i])
+        guess = between((support.x, support.y, start[i]), last[i], bend[i])
         drop = fitted(corridor, guess, radius, taken)
         if drop is not None:
             tried.append((chance(corridor, drop, radius, taken, step), i, drop))
     found = []
     for unlikely, _, drop in sorted(tried, key=lambda one: one[:2]):
-        points, _ = corridor.air.around(drop, radius)
-        if unlikely < sure and 2 * np.count_nonzero(taken[points]) < len(points):
+        points, _ = corridor.air.around(drop, radius, SETTINGS.arcs.arm_half_width)  # not its pole
+        if unlikely < sure and 2 * np.count_nonzero(clear[points] & ~taken[points]) > len(points):
             taken[corridor.air.around(drop, corridor.tolerance)[0]] = True
             found.append(drop)
     return found
@@ -165,12 +185,14 @@ def fitted(corridor: Corridor, guess: Catenary, radius: float, taken: Mask) -> C
         curve = better if better.ex * guess.ex + better.ey * guess.ey > 0 else turned(better)
         begin = float(curve.along(guess.ends[:1])[0][0])
         gap = gap_of(corridor, curve, own, begin)
-        end = end_of(corridor, curve, radius, gap)
+        end = end_of(corridor, curve, radius, gap, SETTINGS.curves.clutter_radius / 2)
         own, _ = air.around(curve, radius, begin, curve.length + gap if math.isnan(end) else end)
         own = own[~taken[own]]
     rough = curve.rms > SETTINGS.curves.fine_rms * corridor.tolerance
     if rough or curve.c < SETTINGS.curves.smallest_c or is_straight(curve):
         return None
+    if math.isnan(end):  # no wire ends in the air
+        end = end_of(corridor, curve, radius, *known_ahead(curve))
     drop = curve.between(begin, curve.length if math.isnan(end) else end)
     return None if is_on_roof(corridor, drop) else drop
 
@@ -205,9 +227,20 @@ def gap_of(corridor: Corridor, curve: Catenary, own: Ints, begin: float) -> floa
     return min(longest_by_chance(gaps), SETTINGS.trace.seed_reach)
 
 
-def end_of(corridor: Corridor, curve: Catenary, radius: float, gap: float) -> float:
+def known_ahead(curve: Catenary) -> tuple[float, float]:
+    """Metres beyond its last point in which a drop is known to lead to bodies, and how near to it.
+
+    What few points tell of its direction hardly counts beside what they tell of its height.
+    """
+    near = SETTINGS.curves.clutter_radius
+    ahead = np.arange(0.0, SETTINGS.drops.longest - curve.length, SETTINGS.points.company_side / 2)
+    off = SETTINGS.spans.on_wire * curve.height_sigma(curve.length + ahead)
+    return float(ahead[off < near].max(initial=0.0)), near
+
+
+def end_of(corridor: Corridor, curve: Catenary, radius: float, gap: float, reach: float) -> float:
     """Distance along a curve of the body at which it ends; NaN if none is within a gap ahead."""
-    reach, most = SETTINGS.curves.clutter_radius / 2, SETTINGS.towers.known_by_points
+    most = SETTINGS.towers.known_by_points
     near, away = corridor.air.around(curve, reach, 0.0, curve.length + gap)
     u, _ = curve.along(corridor.air.xyz[near])
     body = np.sort(u[(u > curve.length - reach) & ((away > radius) | (u > curve.length))])

@@ -10,14 +10,15 @@ from algorithms.shared.kernels.compiling import kernel
 
 
 @kernel
-def search(x, y, starts, xyz, shape, fullest, start, bend):
-    """For each point, the wire to it from a pole on which most steps have points.
+def search(x, y, starts, xyz, ends, shape, fullest, start, bend):
+    """For each of some ends, the wire to it from a pole on which most steps have points.
 
     Parameters
     ----------
     x, y : of the axis of the pole
     starts : heights at which a wire may begin there
     xyz : array of shape (n, 3), points that may be on one
+    ends : array of shape (m, 3), some of them
     shape : radius of a wire, how far beside the axis it may begin, its shortest length, steepest
         slope, largest curvature and sag by length, and the step; wires that differ by the radius
         are tried
@@ -30,8 +31,8 @@ def search(x, y, starts, xyz, shape, fullest, start, bend):
     radius, beside, shortest, steepest, tightest, largest_sag, step = shape
     n, tests = len(xyz), 0
     u, z = np.empty(n), np.empty(n)
-    for i in range(n):
-        dx, dy = xyz[i, 0] - x, xyz[i, 1] - y
+    for i in range(len(ends)):
+        dx, dy = ends[i, 0] - x, ends[i, 1] - y
         d = math.hypot(dx, dy)
         if d < shortest:
             continue
@@ -49,7 +50,7 @@ def search(x, y, starts, xyz, shape, fullest, start, bend):
         most = min(tightest * d * d / 8.0, largest_sag * d)
         sags = math.ceil(most / radius)
         for s in range(len(starts)):
-            slope = (xyz[i, 2] - starts[s]) / d
+            slope = (ends[i, 2] - starts[s]) / d
             if abs(slope) > steepest:
                 continue
             tests += sags

@@ -489,7 +489,9 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     u, v, z = curve.residuals(air.xyz[box])
     margin = min(3.0, 0.1 * curve.length)
     keep = (u > margin) & (u < curve.length - margin) & ~taken[box]
-    keep &= (np.abs(v) < SETTINGS.network.line_width) & (np.abs(z) < SETTINGS.network.line_width)
+    is_stack = corridor.tolerance <= SETTINGS.sparse.stack_tolerance  # others stand beside it
+    aside = SETTINGS.arcs.arm_aside if is_stack else SETTINGS.network.line_width
+    keep &= (np.abs(v) < aside) & (np.abs(z) < SETTINGS.network.line_width)
     box, u, v, z = box[keep], u[keep], v[keep], z[keep]
     found: list[Wire] = []
     free = np.ones(len(box), bool)

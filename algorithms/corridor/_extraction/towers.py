@@ -171,19 +171,15 @@ def centred(corridor: Corridor, support: Support) -> Support:
     neck = (z > waist - 0.15 * height) & (z < waist)
     near = np.abs(a - forth)
 
-    def around(middle: float, reach: float) -> NDArray[np.bool_]:
-        return neck & (np.hypot(a - forth, s - middle) < reach)
-
     legs = legs_of(support, s[near < half], z[near < half], waist, half)
-    # A wide body was found by one of its legs; it has others as far on the other side of its wires.
-    aside = sum(support.reach) / 2
-    beyond = around(2 * aside, half) & (np.abs(s) > half)
-    wide = abs(aside) < 2 * half and np.count_nonzero(beyond) >= SETTINGS.towers.known_by_points
-    aside = aside if wide else 0.0
-    for reach in (2 * half,) if wide else (2 * half, half):
-        body = around(aside, reach)
-        if np.count_nonzero(body) >= SETTINGS.towers.known_by_points:
-            aside = float(np.quantile(s[body], (0.1, 0.9)).mean())  # of a hollow body
+    beside = s[neck & (near < half)]
+    aside = between_masts(beside, sum(support.reach) / 2, 2 * half)
+    if aside is None:
+        aside = 0.0
+        for reach in (2 * half, half):
+            body = neck & (np.hypot(a - forth, s - aside) < reach)
+            if np.count_nonzero(body) >= SETTINGS.towers.known_by_points:
+                aside = float(np.quantile(s[body], (0.1, 0.9)).mean())  # of a hollow body
     if len(legs) > 1:
         aside = sum(legs) / 2
     (ex, ey), (left, right) = support.across, support.reach
@@ -198,6 +194,29 @@ def centred(corridor: Corridor, support: Support) -> Support:
         legs=tuple(leg - aside for leg in legs) or (0.0,),
         sd_along=sigma,
     )
+
+
+def between_masts(s: Floats, middle: float, reach: float) -> float | None:
+    """Offset between two masts that lean apart; None if there are none.
+
+    A support was found by one of them. Both are as far from the middle of the wires, and nothing is
+    between them: most points have others where they are mirrored there.
+
+    Parameters
+    ----------
+    s : offsets across the line of points just below the arms, metres
+    middle : of the wires
+    reach : to both sides of it in which masts are looked for, metres
+    """
+    wide = SETTINGS.towers.lattice_width
+    off = np.sort(s[np.abs(s - middle) < reach] - middle)
+    mirrored = np.searchsorted(off, wide - off) > np.searchsorted(off, -wide - off)
+    pairs = off[mirrored & (np.abs(off) > wide)]
+    sides = pairs[pairs < 0], pairs[pairs > 0]
+    enough = min(len(side) for side in sides) >= SETTINGS.towers.known_by_points
+    if not enough or 2 * len(pairs) <= len(off):
+        return None
+    return middle + float(sum(np.median(side) for side in sides)) / 2
 
 
 def legs_of(support: Support, s: Floats, z: Floats, waist: float, half: float) -> tuple[float, ...]:

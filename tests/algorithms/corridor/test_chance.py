@@ -55,6 +55,13 @@ def test_a_wire_in_leaves_along_half_of_its_way_is_known_by_the_other_half() -> 
     assert is_no_accident(half, [of_curve(half)])
 
 
+def test_points_that_may_be_no_wire_do_not_tell_of_one() -> None:
+    """Those of another line are known to be of it; a curve across its wires had many of them."""
+    free = corridor_of(POINTS)
+    known = replace(free, may=np.arange(len(POINTS)) % 10 == 0)
+    assert of_curve(known) > math.log(0.01) > of_curve(free)
+
+
 def test_points_of_other_wires_are_not_around_one() -> None:
     curve, other = wire((0, 0.8, 9), (60, 0.8, 9), 400, per_metre=4)
     both = corridor_of(POINTS, other)

@@ -98,6 +98,40 @@ def test_what_hangs_below_the_wires_of_a_span_is_no_drop() -> None:
     assert not drops(scatter(along.points(np.arange(2.0, 19.0, 2.0))))
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_points_beside_what_hangs_below_the_wires_make_no_drop_of_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    below = Catenary(35.0, 0.0, 1.0, 0.0, 34.0, 6.8, 6.6, 1 / 200)
+    u, aside = rng.uniform(0.5, 34.0, 30), rng.uniform(0.5, 0.8, 5)
+    beside = below.points(rng.uniform(12.0, 25.0, 5)) + np.outer(aside, (0.0, 1.0, 0.0))
+    assert not drops(scatter(below.points(u)), beside)
+
+
+def test_a_drop_beside_the_line_is_known_by_its_points_below_the_wires_as_well() -> None:
+    beside = Catenary(35.0, 0.0, 0.98, 0.2, 15.0, 7.2, 5.0, 1 / 100)
+    row = scatter(beside.points(np.array([0.9, 1.7, 2.2, 5.3, 7.1, 9.4, 11.2])))
+    (found,) = drops(row)
+    assert found.length == pytest.approx(11.2, abs=0.1)
+
+
+def test_a_drop_is_known_by_its_points_beside_the_pole_as_well() -> None:
+    near = scatter(DROP.points(np.array([0.9, 1.1, 1.6, 2.4, 5.8, 7.4])))
+    (found,) = drops(near, bar((35, 0, 0), (35, 0, 8.2), 10, 0.04))
+    assert found.length == pytest.approx(7.4, abs=0.1)
+
+
+def test_a_drop_goes_on_to_the_house_that_it_leads_to() -> None:
+    near = scatter(DROP.points(np.array([1.2, 2.1, 3.3, 4.2, 5.6, 6.4, 7.4])))
+    (found,) = drops(near, house())
+    assert found.length == pytest.approx(DROP.length, abs=0.8)
+
+
+def test_a_drop_may_lead_up_to_a_house() -> None:
+    up = Catenary(35.0, 0.0, 0.28, 0.96, 15.0, 7.2, 11.0, 1 / 100)
+    (found,) = drops(scatter(up.points(np.array(U))))
+    assert found.length == pytest.approx(U[-1], abs=0.1)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_twigs_around_a_pole_are_no_drops(seed: int) -> None:
     crowns = [
@@ -122,9 +156,9 @@ def test_points_among_many_others_do_not_tell() -> None:
     steps = np.array([(0.9 * k, 0.3 * k, -0.3 * (k > 0)) for k in range(7)])
     rows = [DROP.points(np.array(U)) + step for step in steps]
     xyz = scatter(np.vstack(rows))
-    with changed("drops.company", 1000):
+    with changed("sparse.company", 1000):
         assert drops(xyz)
-    with changed("drops.company", 0):
+    with changed("sparse.company", 0):
         assert not drops(xyz)
 
 

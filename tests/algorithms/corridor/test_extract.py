@@ -58,11 +58,12 @@ from algorithms.corridor._extraction.spans import (
     conductors_of,
     numbered,
     on_wire,
+    recovered,
     stands_alone,
     upheld,
 )
 from algorithms.corridor._extraction.supports import Support
-from algorithms.corridor._extraction.towers import centred
+from algorithms.corridor._extraction.towers import between_masts, centred
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract, PowerLine, label_points
 from algorithms.samples.scene import SamplesScene
@@ -939,6 +940,28 @@ def test_a_wire_that_no_support_is_seen_to_hold_is_one_if_it_is_no_accident(leav
     assert made is not None
     one = [(Wire(made, (-1, -1), (0.0, made.length), 0.25), 0)]
     assert bool(upheld(corridor, [one])) == (leaves == 0)
+
+
+def test_an_axis_is_between_masts_that_lean_apart() -> None:
+    """Ropes on one side had drawn it 4 m off, to one of the masts."""
+    one, ropes = np.linspace(-0.5, 0.5, 14), np.array([-11.0, -10.5, -9.8])
+    found = between_masts(np.concatenate([one, one + 7.8, ropes]), 3.7, 14.0)
+    assert found == pytest.approx(3.9, abs=0.1)
+    assert between_masts(one, 3.7, 14.0) is None, "one mast"
+    assert between_masts(one, 0.1, 14.0) is None, "a pole"
+    assert between_masts(np.concatenate([one, one + 7.8]), 1.5, 14.0) is None, "wires elsewhere"
+    assert between_masts(np.array([0.0, 7.8]), 3.9, 14.0) is None, "few points"
+
+
+@pytest.mark.parametrize(("tolerance", "found"), [(0.25, 1), (0.1, 0)])
+def test_what_hangs_beside_a_stack_is_of_another_line(tolerance: float, found: int) -> None:
+    """Wires of a street's other side were taken for some of a stack, and then lost there."""
+    curve, points = wire((0, 0, 9), (40, 0, 9), 130, per_metre=1.0)
+    _, other = wire((0, 9, 9), (40, 9, 9), 130, per_metre=1.0, seed=1)
+    air = Airborne.of(np.vstack([points, other]))
+    corridor = replace(in_free_air(air), tolerance=tolerance)
+    wires = [Wire(curve, (0, 1), (0.0, 40.0), tolerance)]
+    assert len(recovered(corridor, wires)) == found
 
 
 @pytest.mark.parametrize("leaves", [0, 2000])

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scenes.corridors import Floats, unlabelled, wire
 
+from algorithms.corridor._curves.arcs import bends_tried
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.stacks import (
     Stack,
+    best_bend,
     best_spans,
     distances_of_pairs,
     gain,
@@ -115,7 +117,8 @@ def test_one_wire_is_no_stack() -> None:
 
 
 def test_a_stack_is_held_at_its_poles() -> None:
-    bend, spans = best_spans(stack_of(0.35, 4), QUIET)
+    stack = stack_of(0.35, 4)
+    bend, spans = best_spans(stack, best_bend(stack, bends_tried(), QUIET), QUIET)
     assert bend == pytest.approx(1 / C, rel=0.15)
     ends = np.unique([place for a, _, b, _ in spans for place in (a, b)])
     for pole in POLES[1:-1]:
@@ -209,6 +212,24 @@ def test_a_stack_is_found_whatever_hills_its_street_crosses() -> None:
     assert len(cuts) == len(poles) - 3, "at the pole between 13 and 15 m no wire bends"
     away = np.abs(cuts[:, None] - poles).min(axis=1)
     assert (away < 2 * sigmas).all()
+
+
+@pytest.mark.parametrize("known", [(0,), (0, 7), (3,)])
+def test_a_stack_goes_on_where_no_track_is_known(known: tuple[int, ...]) -> None:
+    """Each of two parts of one stack ended 60 m beyond its tracks, in the middle of a span."""
+    poles = np.arange(0.0, 300.0, 36.0)
+    made = [
+        [wire((a, 0, 8 - 0.35 * k), (b, 0, 8 - 0.35 * k), C, 0.3, seed=8 * k + n) for k in range(4)]
+        for n, (a, b) in enumerate(itertools.pairwise(poles.tolist()))
+    ]
+    pieces = pieces_of(list(itertools.chain.from_iterable(made)))
+    corridor = corridor_of(points_of(made))  # type: ignore[arg-type]
+    tracks = [piece for n in known for piece in pieces[4 * n : 4 * n + 4]]
+    arcs, alignments = stacks_among(corridor, tracks, QUIET)
+    assert len(alignments) == 1
+    cuts = alignments[0].places(alignments[0].cuts)[:, 0]
+    assert np.abs(np.sort(cuts) - poles[1:-1]).max() < 1.0
+    assert len(arcs) == 4 * (len(poles) - 1)
 
 
 def test_a_street_with_a_line_on_each_side_is_found() -> None:

@@ -15,8 +15,8 @@ LENGTHS = {
         "Clearance, least at other temperatures",
         "m",
         2,
-        meaning="Of an object with the rest of its tree or building; empty where the clearance is "
-        "that in another state than the survey",
+        meaning="Of an object with the rest of its tree or building; too narrow in spans that the "
+        "data cut; empty where the clearance is that in another state than the survey",
     ),
     "clearance_high": Column("Clearance, greatest at other temperatures", "m", 2),
     "required": Column("Required", "m", 2),

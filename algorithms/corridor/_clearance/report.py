@@ -494,7 +494,7 @@ def _rest_text(line: LineStates, rest: AtRest, conductor: Conductor | None) -> s
     up, down = _moves(line)
     held = (
         f" Spans {', '.join(map(str, line.open_spans))} end where the data end, and are taken as "
-        "held there: their intervals are too narrow near such ends."
+        "held there: their intervals are too narrow."
     )
     return (
         f"{text} At other times they may have from {told.lowest:g} to {told.highest:g} °C, so up "

@@ -51,6 +51,7 @@ from algorithms.corridor._clearance.missed import (
 from algorithms.corridor._clearance.objects import (
     FALLING,
     Falls,
+    clump_of_each,
     clumps_of,
     falling_trees,
     objects_of,
@@ -558,8 +559,9 @@ class CorridorClearance:
         )
         lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
         objects = [*objects, *hanging]
-        clumps = clumps_of(surroundings, objects, gap=metric.object_gap)
-        others = of_their_clumps(surroundings, objects, band.may_break, gap=metric.object_gap)
+        clump = clump_of_each(surroundings, objects, gap=metric.object_gap)
+        clumps = clumps_of(objects, clump)
+        others = of_their_clumps(surroundings, objects, band.may_break, clump)
         ranks = rank_as_surveyed(surroundings, line, rules, found, objects, reach=reach)
         layer, unsure = apart(
             object_layer(

@@ -231,31 +231,32 @@ class ShorelineExtract:
                     f"are not looked for; those narrower than {self.narrowest:.1f} m"
                     f"{own_unit(self.narrowest, lengths)}, as creeks and ditches, may be missing"
                 )
-            if bright := self._by_bright_returns if self.count else 0:
+            if not self.count:
+                return
+            if bright := self._by_bright_returns:
                 yield (
                     "Waters of which little came back, as bright as land: "
                     f"{bright} of {self.count} (columns returned and darkness); it may be of "
                     "plants, ice or foam that float some centimetres above the level, which the "
                     "intervals of levels do not hold"
                 )
-            if hidden := float(self.water.frame["hidden_area"].sum()) if self.count else 0.0:
+            if hidden := float(self.water.frame["hidden_area"].sum()):
                 yield (
                     f"Shores below crowns: {hidden:.0f} m²{own_unit(hidden, lengths, 2)} beside "
                     "the outlines were not seen there; they are not in the areas, whose errors "
                     "hold that they may be water"
                 )
-            if alone := self._by_looks_alone if self.count else 0:
+            if alone := self._by_looks_alone:
                 yield (
                     "Waters that return their pulses and are told by being level and dark alone: "
                     f"{alone} of {self.count} (column evidence); paved ground as dark and level "
                     "looks like them"
                 )
-            if self.count:
-                yield (
-                    "Shores below bridges, decks and wide woods, and behind jetties and moored "
-                    "boats: outlines of water end there, up to some metres short of the true "
-                    "shore; the intervals of areas do not hold that"
-                )
+            yield (
+                "Shores below bridges, decks and wide woods, and behind jetties and moored boats: "
+                "outlines of water end there, up to some metres short of the true shore; the "
+                "intervals of areas do not hold that"
+            )
             if text := open_edges(self.water.frame.to_dict("records"), lengths):
                 yield text
 

@@ -89,8 +89,8 @@ def objects_by(
     return [_object(surroundings, found, int(one), members[group[one]]) for one in worst]
 
 
-def clumps_of(surroundings: Surroundings, objects: Sequence[Object], *, gap: float) -> list[int]:
-    """The clump of each object, from 1 by urgency: objects that touch are of one.
+def clump_of_each(surroundings: Surroundings, objects: Sequence[Object], *, gap: float) -> Ints:
+    """The clump of each point of the kinds of some objects, -1 for others, array of shape (n,).
 
     Wide groups of trees are parted tree by tree, and of a tree only parts may be too close; a crew
     is sent to the clump. So what joins objects may be points that are not listed.
@@ -99,18 +99,27 @@ def clumps_of(surroundings: Surroundings, objects: Sequence[Object], *, gap: flo
     ----------
     gap : as in `objects_of`
     """
-    if not objects:
-        return []
     kind = np.maximum(surroundings.kind, surroundings.hanging).astype(np.int64)
-    firsts = np.array([one.points[0] for one in objects])
+    firsts = np.array([one.points[0] for one in objects], np.int64)
     like = np.flatnonzero(np.isin(kind, kind[firsts]))
-    group = groups(surroundings.xyz[like], kind[like], gap)[np.searchsorted(like, firsts)]
+    clump = np.full(len(kind), -1)
+    clump[like] = groups(surroundings.xyz[like], kind[like], gap)
+    return clump
+
+
+def clumps_of(objects: Sequence[Object], clump: Ints) -> list[int]:
+    """The clump of each object, from 1 by urgency: objects that touch are of one.
+
+    Parameters
+    ----------
+    clump : see `clump_of_each`
+    """
     numbers: dict[int, int] = {}
-    return [numbers.setdefault(own, len(numbers) + 1) for own in group.tolist()]
+    return [numbers.setdefault(int(clump[one.points[0]]), len(numbers) + 1) for one in objects]
 
 
 def of_their_clumps(
-    surroundings: Surroundings, objects: Sequence[Object], others: Ints, *, gap: float
+    surroundings: Surroundings, objects: Sequence[Object], others: Ints, clump: Ints
 ) -> list[Ints]:
     """Of some points those of the clump of each object, if they are nearest to it of all objects.
 
@@ -120,16 +129,12 @@ def of_their_clumps(
     Parameters
     ----------
     others : indices of points that are of no object
-    gap : as in `objects_of`
+    clump : see `clump_of_each`
     """
     own = np.concatenate([*(one.points for one in objects), np.empty(0, np.int64)])
     if not len(own) or not len(others):
         return [np.empty(0, np.int64)] * len(objects)
     owner = np.repeat(np.arange(len(objects)), [len(one.points) for one in objects])
-    kind = surroundings.kind.astype(np.int64)
-    like = np.flatnonzero(np.isin(kind, kind[own]) | np.isin(np.arange(len(kind)), others))
-    clump = np.full(len(kind), -1)
-    clump[like] = groups(surroundings.xyz[like], kind[like], gap)
     # Clumps lie so far from each other in a fourth direction that no other is nearest.
     places = np.column_stack([surroundings.xyz, 2 * WIDEST_OBJECT * clump])
     _, nearest = cKDTree(places[own]).query(places[others], distance_upper_bound=WIDEST_OBJECT)

@@ -58,6 +58,27 @@ def lowest_mode(heights: NDArray[np.floating[Any]], width: float) -> float:
 
 
 @dataclass(frozen=True)
+class Sides:
+    """Levels on both sides of a straight line across a water, as of flights on two days.
+
+    Attributes
+    ----------
+    lower, upper : the levels
+    towards : unit vector across the line to the upper side
+    beyond : how far along it the line is
+    """
+
+    lower: float
+    upper: float
+    towards: tuple[float, float]
+    beyond: float
+
+    def at(self, xy: Floats) -> Floats:
+        """Level on the side of each position, of shape (n, 2)."""
+        return np.where(xy @ np.array(self.towards) >= self.beyond, self.upper, self.lower)
+
+
+@dataclass(frozen=True)
 class Level:
     """The surface of a water body: a plane, level in most cases.
 
@@ -73,7 +94,7 @@ class Level:
     gradient : rise eastwards and northwards
     centre : where the height is
     of_strip : number and level of each strip of which enough points are on the water
-    parts : levels of two parts side by side whose flights the points do not name, lower first
+    parts : levels side by side whose flights the points do not name
     cover : levels of the part that returns most, and of the rest, where these differ
     """
 
@@ -87,7 +108,7 @@ class Level:
     gradient: tuple[float, float] = (0.0, 0.0)
     centre: tuple[float, float] = (0.0, 0.0)
     of_strip: tuple[tuple[int, float], ...] = ()
-    parts: tuple[float, float] | None = None
+    parts: Sides | None = None
     cover: tuple[float, float] | None = None
 
     @property
@@ -95,12 +116,18 @@ class Level:
         """The highest level of a strip."""
         return max([self.height, *(height for _, height in self.of_strip)])
 
-    def shift(self, strip: NDArray[np.integer[Any]]) -> Floats:
-        """How far the level of the strip of each point is above that of all, shape (n,)."""
+    def shift(self, xy: Floats, strip: NDArray[np.integer[Any]]) -> Floats:
+        """How far the level of the strip, or the side, of each point is above that of all.
+
+        Parameters
+        ----------
+        xy : array of shape (n, 2)
+        strip : array of shape (n,)
+        """
         shift = np.zeros(len(strip))
         for number, height in self.of_strip:
             shift[strip == number] = height - self.height
-        return shift
+        return shift + self.parts.at(xy) - self.height if self.parts else shift
 
     @property
     def scatter(self) -> float:
@@ -111,7 +138,7 @@ class Level:
         """
         if self.basis == "shore":
             return math.nan
-        apart = max(self.strips, abs(np.subtract(*self.parts)) if self.parts else 0.0)
+        apart = max(self.strips, self.parts.upper - self.parts.lower if self.parts else 0.0)
         off = max(abs(height - self.height) for height in self.cover or (self.height,))
         return math.hypot(self.sigma, float(max(apart / 2, off)))
 
@@ -163,14 +190,39 @@ def level_of(
         error, freedom = sigma, math.inf
     own = _levels(heights, strips, near)
     found = Level(level, error, freedom, sigma, int(near.sum()), apart, of_strip=own)
-    flat = np.column_stack([xyz[core][near, :2], heights[near] - found.shift(strips[near])])
+    places = xyz[core][near, :2]
+    flat = np.column_stack([places, heights[near] - found.shift(places, strips[near])])
     if parts := _parts(flat, metre):
-        found = replace(holding(found, parts), parts=parts)
-    below = level + found.shift(strip) - xyz[:, 2]
+        found = replace(holding(found, (parts.lower, parts.upper)), parts=parts)
+    below = level + found.shift(xyz[:, :2], strip) - xyz[:, 2]
     below = below[(below > 0) & (below < MOST_SIGMA * WIDEST * metre)]
     if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
         sigma = max(sigma, min(float(np.median(below)) / NORMAL, MOST_SIGMA * metre))
     return replace(found, sigma=sigma)
+
+
+def side_by_side(xyz: Floats, level: Level, most: float, metre: float) -> Level:
+    """A level with those on both sides of a line, where it may be that of one of them alone.
+
+    Points that scatter little are taken for those of the fuller side, and the rest for banks.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), points far from the shore
+    level : as found from the points near it
+    most : by which the sides may differ
+    metre : length of one metre in the unit of the points
+    """
+    if level.parts:
+        return level
+    near = abs(xyz[:, 2] - level.height) <= most + WIDEST * level.sigma
+    parts = _parts(xyz[near], metre)
+    if parts is None or parts.upper - parts.lower > most:
+        return level
+    on = abs(xyz[:, 2] - parts.at(xyz[:, :2])) <= WIDEST * level.sigma
+    height = float(xyz[on, 2].mean())
+    mean = replace(level, height=height, points=int(on.sum()), of_strip=())
+    return replace(holding(mean, (parts.lower, parts.upper)), parts=parts)
 
 
 def holding(level: Level, parts: tuple[float, float]) -> Level:
@@ -272,7 +324,7 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     return float(np.sqrt(both)), freedom, float(np.ptp(offset))
 
 
-def _parts(xyz: Floats, metre: float) -> tuple[float, float] | None:
+def _parts(xyz: Floats, metre: float) -> Sides | None:
     """Levels on both sides of a straight line across a surface, if a step there explains it.
 
     A slope explains three quarters as a step, waves and noise less; two levels nearly all.
@@ -284,15 +336,20 @@ def _parts(xyz: Floats, metre: float) -> tuple[float, float] | None:
     best, parts = STEPPED * float(z @ z), None
     few = len(z) // 10
     for angle in np.arange(DIRECTIONS) * math.pi / DIRECTIONS:
-        order = np.argsort(means[:, :2] @ [math.cos(angle), math.sin(angle)], kind="stable")
+        towards = math.cos(angle), math.sin(angle)
+        along = means[:, :2] @ towards
+        order = np.argsort(along, kind="stable")
         sums, count = np.cumsum(z[order])[:-1], np.arange(1, len(z))
         explained = sums**2 * (1 / count + 1 / (len(z) - count))
         at = few + int(np.argmax(explained[few:-few]))
         if explained[at] > best:
             best = float(explained[at])
             sides = [float(np.median(means[some, 2])) for some in np.split(order, [at + 1])]
-            parts = min(sides), max(sides)
-    return parts if parts and parts[1] - parts[0] >= DAYS * metre else None
+            line = float(along[order[at : at + 2]].mean())
+            sign = 1 if sides[0] < sides[1] else -1
+            towards = sign * towards[0], sign * towards[1]
+            parts = Sides(min(sides), max(sides), towards, sign * line)
+    return parts if parts and parts.upper - parts.lower >= DAYS * metre else None
 
 
 def _rounding(heights: Floats, step: float) -> float:

@@ -21,7 +21,7 @@ from algorithms.shoreline._level import NINETY_FIVE
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._shore import BAND, INSIDE, Shore, area_of, shore
 from algorithms.shoreline._smooth import smooth_part
-from algorithms.shoreline._water import Water
+from algorithms.shoreline._surfaces import Water
 from toolbox.context import QUIET, Context
 
 Floats = NDArray[np.float64]
@@ -190,7 +190,7 @@ def draw(
     for done, k in enumerate(chosen):
         part = ctx.part(0.5 + 0.5 * done / len(chosen), 0.5 + 0.5 * (done + 1) / len(chosen))
         level = water[k].level
-        above = np.column_stack([near[:, :2], near[:, 2] - level.shift(strip)])
+        above = np.column_stack([near[:, :2], near[:, 2] - level.shift(near[:, :2], strip)])
         made = shore(above, cells, index, water[k].body.cells, of_body, level, part)
         parts = _parts(made, least_area, least_island)
         smooth = _smoothed(made, parts, length)

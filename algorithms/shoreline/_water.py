@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from algorithms.shared.lowest import cells_of
-from algorithms.shared.water_surface import MOST_SIGMA, WIDEST
-from algorithms.shoreline._bodies import CONTACT, RIVER, WEIR, Pour, find_bodies, joined, open_water
+from algorithms.shoreline._bodies import CONTACT, RIVER, WEIR, Pour, find_bodies, joined
 from algorithms.shoreline._cells import (
     LEVEL,
     REACH,
@@ -25,15 +23,14 @@ from algorithms.shoreline._cells import (
     shore_of,
     window,
 )
-from algorithms.shoreline._cover import covered
 from algorithms.shoreline._dikes import apart
 from algorithms.shoreline._evidence import (
     DARK,
     ENDS,
     LARGE,
-    VERY_DARK,
     WALL,
     Body,
+    core_of,
     flows,
     is_long,
     looks_like_water,
@@ -41,30 +38,29 @@ from algorithms.shoreline._evidence import (
 from algorithms.shoreline._kernels import TAKEN
 from algorithms.shoreline._level import (
     DAYS,
-    FEWEST,
     NINETY_FIVE,
     Level,
-    edge_level,
-    even_blocks,
-    holding,
-    level_of,
-    two_levels_fit,
     under_cover,
 )
 from algorithms.shoreline._reaches import along_banks, reaches
 from algorithms.shoreline._returns import Returns
+from algorithms.shoreline._surfaces import (
+    FALL,
+    Water,
+    islands_hide,
+    lattice_place,
+    with_levels,
+)
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data.crs import own_unit
 from toolbox.declare import Position
 from toolbox.errors import DataError
 
-FOR_PLANE = 30  # points that a slope is found from
-MOST_SAMPLES = 500_000  # points that tell the level of one body
 ROUNDS, MOST_ROUNDS = 3, 6  # the latter where bodies meet and become one
-FALL = 0.15  # m, from end to end of a body that is no lake
 SAME = 0.02, 0.15  # m, least and most between levels that may be the same, by their intervals
 KNOWN = 0.02  # m, interval of a level that others can be told to be equal to
 OVERLAP = 0.2  # share of a level place that is water found: its rest is not told of
+LEAST_SIDE = 0.1  # of a lake, at a level of its own: as much as two levels are looked for in
 BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
 ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
 SURROUNDED = 0.25  # share of the rim of a water without a shore that has points
@@ -76,31 +72,9 @@ LISTED = 10  # bodies that are told of one by one
 IN_A_WARNING = 5  # places that one warning names
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
 OFF = 90  # per cent of a long water that lie as its banks do
-STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Water:
-    """A water body with its level.
-
-    Attributes
-    ----------
-    body : its cells
-    level : its surface
-    fall, length : of its surface from end to end, in the unit of the data; 0 for a lake
-    number, area : of its outline in layers and tables, in square units of the data; 0 before it
-        is drawn
-    """
-
-    body: Body
-    level: Level
-    fall: float = 0.0
-    length: float = 0.0
-    number: int = 0
-    area: float = 0.0
 
 
 def find_water(
@@ -122,7 +96,7 @@ def find_water(
         log.warning("points: only %d take part, too few to tell water from land", len(points))
         return cells, []
     pour = Pour(cells, least_area)
-    bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
+    bodies = first = find_bodies(cells, pour, ctx.part(0.5, 0.7))
     found: list[Water] = []
     steep: list[Water] = []  # would run into lakes below them
     for k in range(MOST_ROUNDS):  # waves and slopes are known after a first look
@@ -141,8 +115,10 @@ def find_water(
         for reach in _reaches(points, cells, pour.fewest, water)
         if reach is water or _is_wet(cells, water, reach)
     ]
+    found = _of_two_days(points, cells, found, first)
     ctx.progress(1.0)
     found = [_uncovered(cells, water) for water in found if not _is_road(cells, water)]
+    found = [_on_top(water) for water in found]
     if not level_alone:
         found = _sure(cells, found)
     if not found:
@@ -158,7 +134,8 @@ def _parted(points: Returns, cells: CellGrid, least: int, water: Water) -> list[
     """Waters on both sides of dikes, if they stand at levels of their own, or the water whole."""
     if water.fall or water.level.strips > DAYS * cells.metre:  # a step between flights is no dike
         return [water]
-    parts = apart(cells, water.body, least, max(water.level.parts or (-math.inf,)))
+    sides = water.level.parts
+    parts = apart(cells, water.body, least, sides.upper if sides else -math.inf)
     if len(parts) < 2:
         return [water]
     found = with_levels(points, cells, parts)
@@ -178,6 +155,47 @@ def _reaches(points: Returns, cells: CellGrid, least: int, water: Water) -> list
         return [water]
     found = with_levels(points, cells, parts)
     return [reach for part in found for reach in _reaches(points, cells, least, part)]
+
+
+def _of_two_days(
+    points: Returns, cells: CellGrid, found: Sequence[Water], first: Sequence[Body]
+) -> list[Water]:
+    """Waters, where a lake that was flown on two days is whole, and has the levels of both.
+
+    Its level may be that of one day alone, and what lies at the other left out of it or filled
+    with it. So all of the bodies that were found first is looked at again.
+    """
+    whole = _as_first(cells, found, first)
+    doubtful = [k for k, water in enumerate(found) if _may_be_of_two_days(cells, water, whole[k])]
+    bodies = [replace(found[k].body, cells=whole[k]) for k in doubtful]
+    waters = list(found)
+    for k, one in zip(doubtful, with_levels(points, cells, bodies, two_days=True), strict=True):
+        if one.level.parts:
+            waters[k] = one
+    return waters
+
+
+def _as_first(cells: CellGrid, found: Sequence[Water], first: Sequence[Body]) -> list[Ints]:
+    """Cells of each water, with those of the bodies of which it kept most and no other has any."""
+    of = np.full(cells.low.size, -1)
+    for k, water in enumerate(found):
+        of[water.body.cells] = k
+    whole = [water.body.cells for water in found]
+    for body in first:
+        kept = np.bincount(of[body.cells] + 1, minlength=len(found) + 1)[1:]
+        if kept.any():
+            k = int(np.argmax(kept))
+            own = body.cells[np.isin(of[body.cells], (-1, k))]
+            whole[k] = np.union1d(whole[k], own)
+    return whole
+
+
+def _may_be_of_two_days(cells: CellGrid, water: Water, whole: Ints) -> bool:
+    """Whether a tenth of a lake or more is not at its level, and no flights tell why."""
+    if water.fall or water.level.basis == "shore" or water.level.strips:
+        return False
+    off = abs(cells.middle.ravel()[core_of(cells, whole)] + cells.base - water.level.height)
+    return bool((off >= DAYS * cells.metre).sum() >= LEAST_SIDE * max(len(off), 1))
 
 
 def _is_wet(cells: CellGrid, whole: Water, reach: Water) -> bool:
@@ -281,6 +299,24 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
 def _uncovered(cells: CellGrid, water: Water) -> Water:
     """A water at the level of what is not covered of it; a river, which has none, as it is."""
     return water if water.fall else replace(water, level=under_cover(water.level, cells.metre))
+
+
+def _on_top(water: Water) -> Water:
+    """A water whose level is no surer than one of its returns, if these may be of what floats.
+
+    Little came back, and no darker than land: of leaves and foam, which lie above the water.
+    """
+    body, level = water.body, water.level
+    if not _is_seen_on_top(body, level):
+        return water
+    error = math.hypot(level.error, level.sigma)
+    return replace(water, level=replace(level, error=error, freedom=math.inf))
+
+
+def _is_seen_on_top(body: Body, level: Level) -> bool:
+    """Whether few returns tell a level, which neither a class nor their brightness call water."""
+    classed = "class" in body.evidence
+    return level.basis == "water" and body.few and body.dark < DARK and not classed
 
 
 def _alike(one: Level, other: Level, metre: float) -> bool:
@@ -530,115 +566,6 @@ def _tilt(cells: CellGrid, water: Water) -> Tilt:
     return Tilt(-north * lattice.cell, east * lattice.cell, float(row), float(col))
 
 
-def lattice_place(cells: CellGrid, x: Any, y: Any) -> tuple[Any, Any]:
-    """Fractional rows and columns of positions; cell centres have whole numbers."""
-    lattice = cells.lattice
-    return (lattice.north - y) / lattice.cell - 0.5, (x - lattice.west) / lattice.cell - 0.5
-
-
-def with_levels(
-    points: Returns, cells: CellGrid, bodies: Sequence[Body], ctx: Context = QUIET
-) -> list[Water]:
-    """Bodies with their levels, from the points on them."""
-    label = np.zeros(cells.low.shape, np.int32)
-    for number, body in enumerate(bodies, 1):
-        label.ravel()[_sampled(cells, body)] = number
-    found, of, strip = [np.zeros((0, 3))], [np.zeros(0, np.int32)], [np.zeros(0, np.uint16)]
-    for some in points.blocks():
-        xyz = points.xyz(some)
-        here = label.ravel()[cells_of(xyz, cells.lattice)]
-        found.append(xyz[here > 0])
-        of.append(here[here > 0])
-        strip.append(points.strip[some][here > 0])
-        ctx.progress(some.stop / len(points))
-    xyz, which = np.concatenate(found), np.concatenate(of)
-    order = np.lexsort((xyz[:, 1], xyz[:, 0], xyz[:, 2], which))
-    xyz, strips = xyz[order], np.concatenate(strip)[order].astype(np.int64)
-    ends = np.searchsorted(which[order], np.arange(len(bodies) + 2))
-    of_body = [slice(*ends[k : k + 2]) for k in range(1, len(bodies) + 1)]
-    each = zip(bodies, of_body, strict=True)
-    return [_surface(cells, body, xyz[k], strips[k], points.step) for body, k in each]
-
-
-def _sampled(cells: CellGrid, body: Body) -> Ints:
-    """Cells of a body whose points give its level: not at its edge, no more than needed."""
-    count = cells.count.ravel()
-    if not _tells_level(cells, body):
-        return np.union1d(body.cells, around(cells.lattice, body.cells, 1))
-    inner = open_water(cells, body, 0.0, bright=True)
-    step = math.ceil(count[inner].sum() / MOST_SAMPLES)
-    return np.asarray(inner[(inner // cells.lattice.cols + inner % cells.lattice.cols) % step == 0])
-
-
-def _tells_level(cells: CellGrid, body: Body) -> bool:
-    """Whether enough came back from open water: boats, crowns and wires are far above its level.
-
-    What is far below it counts: ground there tells that the level is none.
-    """
-    core = open_water(cells, body)
-    above = cells.low.ravel()[core] + cells.base - body.level
-    above -= body.tilt.at(*np.divmod(core, cells.lattice.cols))
-    wet = above <= WIDEST * MOST_SIGMA * cells.metre
-    return bool(cells.count.ravel()[core][wet].sum() >= FEWEST)
-
-
-def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints, step: float) -> Water:
-    """A body with its level, or with the plane of a river."""
-    lattice, metre = cells.lattice, cells.metre
-    centre = cells.centres(body.cells).mean(axis=0)
-    flat = xyz.copy()
-    flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
-    core = open_water(cells, body)
-    if not _tells_level(cells, body):
-        amid = np.isin(cells_of(xyz, lattice), body.cells)
-        level = edge_level(flat, amid, body.level, metre, step)
-    else:
-        deep = np.isin(cells_of(xyz, lattice), core)
-        level = level_of(flat, strip, deep, body.level, metre, step)
-        if _islands_hide(cells, body):
-            low = np.isin(cells_of(xyz, lattice), open_water(cells, body, crests=False))
-            troughs = level_of(flat, strip, low, body.level, metre)
-            error = math.hypot(level.error, (level.height - troughs.height) / 2)
-            level = replace(level, error=error)
-        if parts := covered(flat, strip, cells_of(xyz, lattice), core, cells, level):
-            level = replace(holding(level, parts), cover=parts)
-    flat[:, 2] -= level.shift(strip)
-    xyz = np.column_stack([xyz[:, :2], xyz[:, 2] - level.shift(strip)])
-    near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
-    if near.sum() < FOR_PLANE:
-        return Water(body, level)
-    d = xyz[near, :2] - centre
-    design = np.column_stack([np.ones(len(d)), d])
-    (_, east, north), *_ = np.linalg.lstsq(design, xyz[near, 2], rcond=None)
-    slope = math.hypot(east, north)
-    along = d @ (np.array([east, north]) / max(slope, 1e-12))
-    length = float(np.subtract(*np.percentile(along, (99, 1))))
-    if slope * length <= FALL * metre or level.parts or not is_plane(xyz[near]):
-        return Water(body, level)
-    flat[:, 2] = xyz[:, 2] - (xyz[:, :2] - centre) @ np.array([east, north])
-    height = float(np.median(flat[near, 2]))
-    tilted = replace(level, height=height, gradient=(east, north), centre=(centre[0], centre[1]))
-    return Water(body, tilted, slope * length, length)
-
-
-def is_plane(xyz: Floats) -> bool:
-    """Whether a plane explains a surface, and better than two levels do.
-
-    Points scatter by waves, which may be as high as a river falls: means of blocks are compared.
-    """
-    blocks = even_blocks(xyz[:, :2])
-    means = np.array([xyz[some].mean(axis=0) for some in blocks])
-    z = means[:, 2] - means[:, 2].mean()
-    design = np.column_stack([np.ones(len(z)), means[:, :2] - means[:, :2].mean(axis=0)])
-    plane = design @ np.linalg.lstsq(design, z, rcond=None)[0]
-    return bool(plane.var() > STRAIGHT * z.var() and not two_levels_fit(z, plane))
-
-
-def _islands_hide(cells: CellGrid, body: Body) -> bool:
-    """Whether islands of a cell or two may be among the waves, and not even brightness tells."""
-    return body.rough(cells.metre) and body.dark < VERY_DARK
-
-
 def place_of(cells: CellGrid, water: Water) -> tuple[float, float]:
     """Centre of a cell of a body, one in the middle of the list of its cells."""
     return _centre(cells, water.body.cells)
@@ -724,7 +651,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 strip_levels(one.level),
             )
         if one.level.parts:
-            low, high = one.level.parts
+            low, high = one.level.parts.lower, one.level.parts.upper
             log.warning(
                 "points: %s stands at two levels side by side, %s and %s: flown at other "
                 "times, strips that do not fit, or a step within a strip. Its level is the mean "
@@ -741,6 +668,12 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 "level, a river that of its points; its interval holds both",
                 name_of(cells, one),
                 *(in_unit(cells, height) for height in one.level.cover),
+            )
+        if _is_seen_on_top(one.body, one.level):
+            log.warning(
+                "points: little came back from %s, and no darker than land: it may be of leaves, "
+                "foam or boats, with the water below. Its level is no surer than one return",
+                name_of(cells, one),
             )
         if rise := _hidden(cells, one):
             log.warning(
@@ -770,7 +703,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 off / metre,
             )
-        if _islands_hide(cells, one.body):
+        if islands_hide(cells, one.body):
             log.warning(
                 "points: %s has waves of %.2f m and is not much darker than its shore: islands "
                 "of a cell or two cannot be told from waves, and its error counts both",

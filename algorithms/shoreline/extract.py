@@ -31,7 +31,7 @@ from toolbox.errors import DataError
 if TYPE_CHECKING:
     from algorithms.shoreline._cells import CellGrid
     from algorithms.shoreline._outline import Outline
-    from algorithms.shoreline._water import Water
+    from algorithms.shoreline._surfaces import Water
 
 Row = dict[str, Any]
 LEAST_TOLD = 0.001  # the last digit of a level as it is told; what is smaller is rounded up
@@ -237,8 +237,8 @@ class ShorelineExtract:
                 yield (
                     "Waters of which little came back, as bright as land: "
                     f"{bright} of {self.count} (columns returned and darkness); it may be of "
-                    "plants, ice or foam that float some centimetres above the level, which the "
-                    "intervals of levels do not hold"
+                    "plants, ice or foam that float above the level, which is therefore told no "
+                    "surer than one return"
                 )
             if hidden := float(self.water.frame["hidden_area"].sum()):
                 yield (

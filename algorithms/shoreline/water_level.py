@@ -19,15 +19,14 @@ from algorithms.shoreline._cells import LEVEL, CellGrid, grid
 from algorithms.shoreline._evidence import STEP, Body
 from algorithms.shoreline._level import lowest_mode
 from algorithms.shoreline._returns import Returns
+from algorithms.shoreline._surfaces import Water, with_levels
 from algorithms.shoreline._water import (
-    Water,
     find_water,
     place_of,
     strip_levels,
     tell,
     warn_of,
     with_hidden_shore,
-    with_levels,
 )
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Table, Vector
@@ -115,7 +114,7 @@ class ShorelineWaterLevel:
         else:
             cells = grid(points, ctx.part(0.4, 0.7))
             bodies = list(on_polygons(cells, polygons(self.water, "water")))
-            levels = with_levels(points, cells, bodies, ctx.part(0.7, 1.0))
+            levels = with_levels(points, cells, bodies, ctx.part(0.7, 1.0), two_days=True)
             found = [with_hidden_shore(cells, one) for one in levels]
         rows = [row_of(cells, number, one) for number, one in enumerate(found, 1) if cells]
         return self.Outputs(

@@ -177,9 +177,7 @@ def _of_two_days(
 
 def _as_first(cells: CellGrid, found: Sequence[Water], first: Sequence[Body]) -> list[Ints]:
     """Cells of each water, with those of the bodies of which it kept most and no other has any."""
-    of = np.full(cells.low.size, -1)
-    for k, water in enumerate(found):
-        of[water.body.cells] = k
+    of = _numbers(cells, found).ravel()
     whole = [water.body.cells for water in found]
     for body in first:
         kept = np.bincount(of[body.cells] + 1, minlength=len(found) + 1)[1:]
@@ -269,16 +267,15 @@ def _is_road(cells: CellGrid, water: Water) -> bool:
 def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
     """Bodies that more than their level speaks for: squares, fields and cuttings are level, too.
 
-    A body at the level of one that is sure is water, too: level ground is hardly ever at the
-    very level of a lake near by, if both levels are known well. Any ground lies within the wide
-    interval of a water that returned nothing.
+    A body at the level of the nearest one that is sure is water, too: level ground is hardly ever
+    at the very level of a lake near by, if both levels are known well; of many farther off one may
+    be at any level. Any ground lies within the wide interval of a water that returned nothing.
     """
     sure = [water for water in found if not water.body.doubtful]
     doubtful = sorted((water for water in found if water.body.doubtful), key=_by_size)
-    known = [water.level for water in sure if not water.fall]
     left_out = []
-    for water in doubtful:
-        if any(_equal(water.level, one, cells.metre) for one in known):
+    for water, beside in zip(doubtful, _nearest(cells, sure, doubtful), strict=True):
+        if beside and not beside.fall and _equal(water.level, beside.level, cells.metre):
             evidence = f"{water.body.evidence}, that of other water"
             sure.append(replace(water, body=replace(water.body, evidence=evidence)))
         else:
@@ -294,6 +291,25 @@ def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
             listed(cells, left_out),
         )
     return sure
+
+
+def _nearest(cells: CellGrid, found: Sequence[Water], to: Sequence[Water]) -> list[Water | None]:
+    """The water found that is nearest to each of some others; none without any."""
+    if not (found and to):
+        return [None] * len(to)
+    of = _numbers(cells, found)
+    away, near = ndimage.distance_transform_edt(of < 0, return_indices=True)
+    places = [one.body.cells[np.argmin(away.ravel()[one.body.cells])] for one in to]
+    beside = near[:, *np.unravel_index(places, of.shape)]
+    return [found[k] for k in of[tuple(beside)]]
+
+
+def _numbers(cells: CellGrid, found: Sequence[Water]) -> NDArray[np.int64]:
+    """Number of the water on each cell, shape (rows, cols); -1 for none."""
+    of = np.full(cells.low.shape, -1)
+    for k, water in enumerate(found):
+        of.ravel()[water.body.cells] = k
+    return of
 
 
 def _uncovered(cells: CellGrid, water: Water) -> Water:
@@ -497,9 +513,7 @@ def _step(cells: CellGrid, step: _Step) -> str:
 
 def _steps(cells: CellGrid, found: Sequence[Water]) -> Iterator[_Step]:
     """Pairs of waters that nearly meet, where surfaces differ by what is told of flights."""
-    of = np.full(cells.low.size, -1)
-    for k, water in enumerate(found):
-        of[water.body.cells] = k
+    of = _numbers(cells, found).ravel()
     for k, water in enumerate(found):
         beside = around(cells.lattice, water.body.cells, APART)
         for other in np.unique(of[beside[of[beside] > k]]):

@@ -754,6 +754,14 @@ def test_a_sea_dam_without_its_classes(data: Callable[[str], Path]) -> None:
     assert (ours & truth).sum() / (ours | truth).sum() > 0.96
 
 
+def test_level_ground_at_the_level_of_a_field_far_off_is_no_water() -> None:
+    """Two places of 0.06 ha at the level of the ninth field, beside others at their own."""
+    made = waters.survey("rice_wet", 746)
+    found, water = scored(made)
+    assert min(found) > 0.97
+    assert len(water) == len(made.waters)
+
+
 def test_lakes_in_a_forest_that_are_as_bright_as_land(data: Callable[[str], Path]) -> None:
     cloud = PointCloud.open(data("lidr_topography/Topography.laz"))
     water = extract(cloud, bodies="all").water.frame

@@ -299,9 +299,9 @@ def _nearest(cells: CellGrid, found: Sequence[Water], to: Sequence[Water]) -> li
         return [None] * len(to)
     of = _numbers(cells, found)
     away, near = ndimage.distance_transform_edt(of < 0, return_indices=True)
-    places = [one.body.cells[np.argmin(away.ravel()[one.body.cells])] for one in to]
-    beside = near[:, *np.unravel_index(places, of.shape)]
-    return [found[k] for k in of[tuple(beside)]]
+    closest = [one.body.cells[np.argmin(away.ravel()[one.body.cells])] for one in to]
+    at = np.unravel_index(closest, of.shape)
+    return [found[k] for k in of[near[0][at], near[1][at]]]
 
 
 def _numbers(cells: CellGrid, found: Sequence[Water]) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ How exact it is: docs/explanation/shoreline.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -105,17 +105,15 @@ class ShorelineWaterLevel:
             cells, found = find_water(
                 points, self.min_area, level_alone=self.level_alone, ctx=ctx.part(0.4, 1.0)
             )
-            found = [
-                replace(one, number=number, area=len(one.body.cells) * cells.area)
-                for number, one in enumerate(found, 1)
-            ]
+            found = _numbered(cells, found)
             tell(cells, found)
             warn_of(cells, found)
         else:
             cells = grid(points, ctx.part(0.4, 0.7))
             bodies = list(on_polygons(cells, polygons(self.water, "water")))
             levels = with_levels(points, cells, bodies, ctx.part(0.7, 1.0), two_days=True)
-            found = [with_hidden_shore(cells, one) for one in levels]
+            found = _numbered(cells, [with_hidden_shore(cells, one) for one in levels])
+            warn_of(cells, found)
         rows = [row_of(cells, number, one) for number, one in enumerate(found, 1) if cells]
         return self.Outputs(
             levels=Table.from_rows(rows),
@@ -123,6 +121,14 @@ class ShorelineWaterLevel:
             level_error=found[0].level.error if found else None,
             level_interval=found[0].level.interval if found else None,
         )
+
+
+def _numbered(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
+    """Waters with the numbers and the areas that the table has."""
+    return [
+        replace(one, number=number, area=len(one.body.cells) * cells.area)
+        for number, one in enumerate(found, 1)
+    ]
 
 
 def on_polygons(cells: CellGrid, shapes: Any) -> Iterator[Body]:

@@ -88,6 +88,20 @@ def test_the_level_of_each_day_is_told(caplog: pytest.LogCaptureFixture) -> None
     assert f"other levels in other strips: {row['strip_levels']}" in caplog.text
 
 
+def test_both_levels_of_a_known_lake_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Half of it lay 0.19 m higher, and the level of the other half was given, ± 0.012 m."""
+    made = waters.survey("days_unnamed", 735)
+    known = Vector(geopandas.GeoDataFrame(geometry=made.outlines, crs=waters.UTM))
+    with caplog.at_level("WARNING", "toolbox"):
+        found = ShorelineWaterLevel(points=made.points, water=known).run()
+    assert found.level is not None
+    assert found.level_interval is not None
+    for level in made.waters[0].level + np.array(made.land.strips):
+        assert abs(found.level - level) < found.level_interval
+    assert "water body 1 (" in caplog.text
+    assert "stands at two levels side by side" in caplog.text
+
+
 def test_ice_is_left_out_unless_it_is_asked_for() -> None:
     points = waters.survey("ice", 0).points
     assert ShorelineWaterLevel(points=points).run().level is None

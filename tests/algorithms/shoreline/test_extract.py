@@ -25,7 +25,7 @@ from algorithms.shoreline._cells import Tilt, grid, median_of_counts
 from algorithms.shoreline._dikes import _crest
 from algorithms.shoreline._evidence import Body, _along_a_line
 from algorithms.shoreline._kernels import TAKEN, spread
-from algorithms.shoreline._level import Level, Sides, _parts, under_cover
+from algorithms.shoreline._level import Level, Sides, _parts, side_by_side, under_cover
 from algorithms.shoreline._outline import detail_of
 from algorithms.shoreline._reaches import along_banks
 from algorithms.shoreline._returns import Returns
@@ -1109,6 +1109,18 @@ def test_flights_on_two_days_are_one_lake(kind: str, apart: float, mixed: bool) 
     found, water = scored(made)
     assert found[0] > 0.95
     assert len(water) == 1
+
+
+@pytest.mark.parametrize(("step", "upper"), [(0.2, 10.2), (0.35, None)])
+def test_levels_farther_apart_than_of_two_days_are_two_waters(step: float, upper: Any) -> None:
+    """The pools above and below a weir are no lake of two days."""
+    rng = np.random.default_rng(6)
+    xy = rng.uniform(0, 300, (20_000, 2))
+    z = rng.normal(10.0, 0.03, len(xy)) + step * (xy[:, 0] > 180)
+    level = Level(10.0, 0.001, 15.0, 0.03, 12_000, of_strip=((0, 10.0),))
+    found = side_by_side(np.column_stack([xy, z]), level, 0.25, 1.0)
+    assert (found.parts and found.parts.upper) == pytest.approx(upper, abs=0.005)
+    assert (found == level) == (upper is None)
 
 
 @pytest.mark.parametrize(("seed", "least"), [(734, 0.99), (735, 0.97), (808, 0.98)])

@@ -23,7 +23,6 @@ from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.kernels.sorting import sums_around
-from algorithms.shared.places import once_each
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import ReturnNumbers, has_numbers, let_through
 from algorithms.shared.selection import of_classes
@@ -35,6 +34,7 @@ from toolbox.errors import DataError, nearest
 
 FOOT = 0.5  # metres above ground from which points in an outline are building
 GROUND, VEGETATION, BUILDING = 2, 5, 6
+SQUARE, EACH = 5.0, 3  # metres; ground in one square of three times three tells the noise
 ENOUGH = 4  # points that can tell whether they lie on a plane
 NOISY = 1.5  # times what points may be from a plane without noise, from which on it is told
 FEW = 0.2  # share of points that may lack neighbours before a warning
@@ -114,7 +114,9 @@ class PointFeatures:
                 return ground, given_heights(cloud)
             bare, metre = _frozen(self.xyz.compress(ground, axis=0)), cloud.metre
             found = ctx.once(
-                "terrain", (bare, metre), lambda: find_terrain(bare, metre=metre, ctx=ctx)
+                "terrain",
+                (bare, metre),
+                lambda: find_terrain(bare, known=True, metre=metre, ctx=ctx),
             )
             return ground, height_above(self.xyz, found)
         candidates = Candidates.of(cloud)
@@ -131,26 +133,31 @@ class PointFeatures:
 
         The scatter is the standard deviation of the distances in metres, array of shape (n,), NaN
         where there are too few points; the normals have the shape (n, 3). Points at one position
-        count once, since duplicates would make a plane of any two positions.
+        count once, since duplicates would make a plane of any two positions. On known ground, where
+        planes tell the noise of the survey alone, they are looked for in some squares.
         """
-        inputs = self.cloud.places, self.radius, self.cloud.metre
-        found = self.ctx.once("planes", inputs, self._planes)
+        some = np.ones(len(self.xyz), bool)
+        if self.ground_classes is not None:
+            some = ~self.terrain[0] | in_some_squares(self.xyz, SQUARE * self.cloud.metre)
+        inputs = self.cloud.places, some, self.radius, self.cloud.metre
+        found = self.ctx.once("planes", inputs, lambda: self._planes(some))
         self._warn_of_few(np.isnan(found[0]))
         return found
 
-    def _planes(self) -> tuple[Floats, NDArray[np.float32]]:
-        """Scatter and normals, see `planes`."""
-        xyz, place = once_each(self.xyz)
+    def _planes(self, some: Mask) -> tuple[Floats, NDArray[np.float32]]:
+        """Scatter and normals of some points, see `planes`."""
         found = covariance_features(
-            xyz,
+            self.xyz,
             neighbours=None,
             radius=self.radius,
             names=("eigenvalue3", "neighbours", "nx", "ny", "nz"),
+            some=some,
+            once=True,
             ctx=self.ctx.part(0.4, 0.8),
         )
         off_plane = scatter_of(found["eigenvalue3"], found["neighbours"]) / self.cloud.metre
         normals = np.column_stack([found["nx"], found["ny"], found["nz"]])
-        return _frozen(off_plane[place]), _frozen(normals[place])
+        return _frozen(off_plane), _frozen(normals)
 
     @functools.cached_property
     def scatter(self) -> Floats:
@@ -292,6 +299,18 @@ MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {
     "returns": lambda features: features.around["returns"],
 }
 """Features that are not attributes of the points."""
+
+
+def in_some_squares(xyz: Floats, size: float) -> Mask:
+    """True for points in one of EACH times EACH squares, array of shape (n,).
+
+    The lattice of squares begins at the origin of the coordinates, as for a part of the points.
+
+    >>> in_some_squares(np.array([[4.0, 1], [4, 6], [19, 1]]), 5.0).tolist()
+    [True, False, True]
+    """
+    east, north = (xyz[:, axis] / (EACH * size) for axis in (0, 1))
+    return np.asarray((east - np.floor(east) < 1 / EACH) & (north - np.floor(north) < 1 / EACH))
 
 
 def scatter_of(variance: NDArray[np.float32], count: NDArray[np.float32]) -> Floats:

@@ -20,7 +20,7 @@ from algorithms.classify._bridges import between_ends
 from algorithms.classify._crowns import crowns
 from algorithms.classify._density import Lengths
 from algorithms.classify._doubtful_heights import warn_of_doubtful_heights
-from algorithms.classify._evidence import PointFeatures, once_each
+from algorithms.classify._evidence import PointFeatures
 from algorithms.classify._outlines import margin
 from algorithms.classify._refused import warn_of_lost
 from algorithms.classify._squared import main_direction, squared
@@ -29,6 +29,7 @@ from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
 from algorithms.samples.scene import SamplesScene
 from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.places import once_each
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError, NothingToDo, ParameterError
 

@@ -34,7 +34,7 @@ from toolbox.errors import DataError, nearest
 
 FOOT = 0.5  # metres above ground from which points in an outline are building
 GROUND, VEGETATION, BUILDING = 2, 5, 6
-SQUARE, EACH = 5.0, 3  # metres; ground in one square of three times three tells the noise
+SQUARE, EACH = 2.0, 2  # metres; ground in one square of two times two tells the noise
 ENOUGH = 4  # points that can tell whether they lie on a plane
 NOISY = 1.5  # times what points may be from a plane without noise, from which on it is told
 FEW = 0.2  # share of points that may lack neighbours before a warning
@@ -306,7 +306,7 @@ def in_some_squares(xyz: Floats, size: float) -> Mask:
 
     The lattice of squares begins at the origin of the coordinates, as for a part of the points.
 
-    >>> in_some_squares(np.array([[4.0, 1], [4, 6], [19, 1]]), 5.0).tolist()
+    >>> in_some_squares(np.array([[1.0, 1], [1, 3], [5, 1]]), 2.0).tolist()
     [True, False, True]
     """
     east, north = (xyz[:, axis] / (EACH * size) for axis in (0, 1))

@@ -156,7 +156,7 @@ def test_a_part_of_the_ground_that_scatters_does_not_decide_elsewhere() -> None:
 def test_noise_and_roofs_are_the_same_by_a_part_of_the_ground(
     town: PointCloud, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Planes are looked for on a ninth of the known ground, and everywhere above it."""
+    """Planes are looked for on a quarter of the known ground, and everywhere above it."""
     points = shaken(town, 0.1)
     some = PointFeatures(points, 1.0, 3.0, ground_classes=(2,), by_noise=True)
     scatter, flatness = some.scatter, some.flatness
@@ -164,7 +164,7 @@ def test_noise_and_roofs_are_the_same_by_a_part_of_the_ground(
     every = PointFeatures(points, 1.0, 3.0, ground_classes=(2,), by_noise=True)
     ground = some.terrain[0]
     asked = np.isfinite(scatter[ground]).mean() / np.isfinite(every.scatter[ground]).mean()
-    assert 0.05 < asked < 0.2
+    assert 0.2 < asked < 0.3
     np.testing.assert_array_equal(scatter[~ground], every.scatter[~ground])
     np.testing.assert_allclose(flatness, every.flatness, atol=0.003)
 

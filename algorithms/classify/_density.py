@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify._flatness import FLAT
+from algorithms.shared.kernels.sorting import counted
 from algorithms.shared.kernels.squares import numbered
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import ReturnNumbers
@@ -16,7 +17,6 @@ from toolbox.data import PointCloud
 
 CELL = 4.0  # metres, of the cells in which points are counted
 SAMPLE = 500_000  # points at least, of whole cells, whose number per area is that of all
-MOST = 4  # numbers of cells per point up to which it takes less to count than to sort
 RADIUS, CONTEXT, ALPHA = 1.0, 3.0, 1.5  # metres, where points are dense
 BY_SPACING = (1.75, 5.0, 2.25)  # times the spacing: the same where they are sparse, see the page
 LARGEST = (10.0, 20.0, 20.0)  # metres, for which halos are made
@@ -48,7 +48,7 @@ def _spacing(xyz: NDArray[np.float64], metre: float) -> float:
         return 1.0
     some = _cells(xyz, metre) % (len(xyz) // SAMPLE + 1) == 0
     positions, _ = once_each(xyz.compress(some, axis=0) if some.any() else xyz)
-    per_area = float(np.median(_held(_cells(positions, metre)))) / CELL**2
+    per_area = float(np.median(counted(_cells(positions, metre))[1])) / CELL**2
     return float(2.0 ** (-np.rint(np.log2(per_area)) / 2))
 
 
@@ -57,14 +57,6 @@ def _cells(xyz: NDArray[np.float64], metre: float) -> NDArray[np.int64]:
     view = xyz.view()
     view.flags.writeable = False  # kernels would be compiled for writable ones once more
     return np.asarray(numbered(view, CELL * metre, 0)[0])
-
-
-def _held(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many points each cell has that has any."""
-    if cells.max() < MOST * len(cells):
-        counts = np.bincount(cells)
-        return counts[counts > 0]
-    return np.unique(cells, return_counts=True)[1]  # stray points stretch the box
 
 
 class Lengths(NamedTuple):

@@ -34,7 +34,8 @@ from toolbox.errors import DataError, nearest
 
 FOOT = 0.5  # metres above ground from which points in an outline are building
 GROUND, VEGETATION, BUILDING = 2, 5, 6
-SQUARE, EACH = 2.0, 2  # metres; ground in one square of two times two tells the noise
+SQUARE, EACH = 2.0, 2  # metres; ground in one square of two times two tells the noise,
+EACH_TO_WARN = 5  # and in one of five times five whether there is so much that roofs are lost
 ENOUGH = 4  # points that can tell whether they lie on a plane
 NOISY = 1.5  # times what points may be from a plane without noise, from which on it is told
 FEW = 0.2  # share of points that may lack neighbours before a warning
@@ -134,11 +135,13 @@ class PointFeatures:
         The scatter is the standard deviation of the distances in metres, array of shape (n,), NaN
         where there are too few points; the normals have the shape (n, 3). Points at one position
         count once, since duplicates would make a plane of any two positions. On known ground, where
-        planes tell the noise of the survey alone, they are looked for in some squares.
+        planes tell the noise of the survey alone, they are looked for in some squares: in few where
+        that noise is not followed.
         """
         some = np.ones(len(self.xyz), bool)
         if self.ground_classes is not None:
-            some = ~self.terrain[0] | in_some_squares(self.xyz, SQUARE * self.cloud.metre)
+            each = EACH if self.follows_noise else EACH_TO_WARN
+            some = ~self.terrain[0] | in_some_squares(self.xyz, SQUARE * self.cloud.metre, each)
         inputs = self.cloud.places, some, self.radius, self.cloud.metre
         found = self.ctx.once("planes", inputs, lambda: self._planes(some))
         self._warn_of_few(np.isnan(found[0]))
@@ -277,14 +280,15 @@ class PointFeatures:
             "roughness": np.where(np.isnan(off_plane), self.radius / metre, off_plane),
             "returns": self.let_through[some].astype(np.float64),
         }
-        means = np.full((len(ground), len(values)), np.nan)
-        means[some] = means_around(
+        found = means_around(
             self.xyz.compress(some, axis=0) / (VOXEL * metre),
             ground[some],
             np.column_stack([*values.values()]),
             round(self.context / (VOXEL * metre), 6),  # whole metres stay whole in feet
             ctx=self.ctx.part(0.8, 1.0),
         )
+        means = np.full((len(ground), len(values)), np.nan)
+        means[some] = found
         return dict(zip(values, _frozen(means).T, strict=True))
 
 
@@ -301,16 +305,16 @@ MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {
 """Features that are not attributes of the points."""
 
 
-def in_some_squares(xyz: Floats, size: float) -> Mask:
-    """True for points in one of EACH times EACH squares, array of shape (n,).
+def in_some_squares(xyz: Floats, size: float, each: int) -> Mask:
+    """True for points in one of `each` times `each` squares, array of shape (n,).
 
     The lattice of squares begins at the origin of the coordinates, as for a part of the points.
 
-    >>> in_some_squares(np.array([[1.0, 1], [1, 3], [5, 1]]), 2.0).tolist()
+    >>> in_some_squares(np.array([[1.0, 1], [1, 3], [5, 1]]), 2.0, 2).tolist()
     [True, False, True]
     """
-    east, north = (xyz[:, axis] / (EACH * size) for axis in (0, 1))
-    return np.asarray((east - np.floor(east) < 1 / EACH) & (north - np.floor(north) < 1 / EACH))
+    east, north = (xyz[:, axis] / (each * size) for axis in (0, 1))
+    return np.asarray((east - np.floor(east) < 1 / each) & (north - np.floor(north) < 1 / each))
 
 
 def scatter_of(variance: NDArray[np.float32], count: NDArray[np.float32]) -> Floats:

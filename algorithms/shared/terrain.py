@@ -98,7 +98,7 @@ class Terrain:
     heights : array of shape (rows, cols), in metres, NaN beyond FAR from any ground
     bend : array of the same shape, how far they follow edges off a smooth surface, in metres
     tolerance : array of shape (2, rows / 8, cols / 8), how far ground may lie above the terrain:
-        metres on level ground, and metres more per slope
+        metres on level ground, and metres more per slope; the most where all points are ground
     lowest : array of shape (rows, cols), height of the lowest point of each cell, in metres
     ground : array of the same shape, where that is a point of the ground
     lattice : cells of a metre, in the unit of the coordinates
@@ -171,10 +171,12 @@ def find_terrain(
     widest = np.empty((2, *share.shape))
     widest[0], widest[1] = TOLERANCE, SLOPE_TOLERANCE
     terrain = Terrain(heights, bend, widest, z, ground, lattice, metre)
-    tolerance = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
-    for array in (heights, bend, tolerance, z, ground):
+    if not known:
+        learned = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
+        terrain = replace(terrain, tolerance=learned)
+    for array in (heights, bend, terrain.tolerance, z, ground):
         array.flags.writeable = False
-    return replace(terrain, tolerance=tolerance)
+    return terrain
 
 
 def blocks_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int64]:

@@ -165,6 +165,8 @@ def test_noise_and_roofs_are_the_same_by_a_part_of_the_ground(
     ground = some.terrain[0]
     asked = np.isfinite(scatter[ground]).mean() / np.isfinite(every.scatter[ground]).mean()
     assert 0.2 < asked < 0.3
+    to_warn = PointFeatures(points, 1.0, 3.0, ground_classes=(2,)).scatter[ground]
+    assert 0.02 < np.isfinite(to_warn).mean() / np.isfinite(every.scatter[ground]).mean() < 0.06
     np.testing.assert_array_equal(scatter[~ground], every.scatter[~ground])
     np.testing.assert_allclose(flatness, every.flatness, atol=0.003)
 

@@ -34,8 +34,8 @@ from toolbox.errors import DataError, nearest
 
 FOOT = 0.5  # metres above ground from which points in an outline are building
 GROUND, VEGETATION, BUILDING = 2, 5, 6
-SQUARE, EACH = 2.0, 2  # metres; ground in one square of two times two tells the noise,
-EACH_TO_WARN = 5  # and in one of five times five whether there is so much that roofs are lost
+EACH = 2  # ground in one square of two times two tells the noise; they are as wide as a radius,
+EACH_TO_WARN = 5  # so that there are points in them; in one of five times five whether there is so much that roofs are lost
 ENOUGH = 4  # points that can tell whether they lie on a plane
 NOISY = 1.5  # times what points may be from a plane without noise, from which on it is told
 FEW = 0.2  # share of points that may lack neighbours before a warning
@@ -141,7 +141,7 @@ class PointFeatures:
         some = np.ones(len(self.xyz), bool)
         if self.ground_classes is not None:
             each = EACH if self.follows_noise else EACH_TO_WARN
-            some = ~self.terrain[0] | in_some_squares(self.xyz, SQUARE * self.cloud.metre, each)
+            some = ~self.terrain[0] | in_some_squares(self.xyz, self.radius, each)
         inputs = self.cloud.places, some, self.radius, self.cloud.metre
         found = self.ctx.once("planes", inputs, lambda: self._planes(some))
         self._warn_of_few(np.isnan(found[0]))

@@ -47,7 +47,7 @@ def _spacing(xyz: NDArray[np.float64], metre: float) -> float:
     if not len(xyz):
         return 1.0
     some = _cells(xyz, metre) % (len(xyz) // SAMPLE + 1) == 0
-    positions, _ = once_each(xyz.compress(some, axis=0) if some.any() else xyz)
+    positions = once_each(xyz.compress(some, axis=0) if some.any() else xyz)
     per_area = float(np.median(counted(_cells(positions, metre))[1])) / CELL**2
     return float(2.0 ** (-np.rint(np.log2(per_area)) / 2))
 

@@ -34,8 +34,10 @@ from toolbox.errors import DataError, nearest
 
 FOOT = 0.5  # metres above ground from which points in an outline are building
 GROUND, VEGETATION, BUILDING = 2, 5, 6
-EACH = 2  # ground in one square of two times two tells the noise; they are as wide as a radius,
-EACH_TO_WARN = 5  # so that there are points in them; in one of five times five whether there is so much that roofs are lost
+# Of known ground that of one square of so many times so many is looked at; squares are as wide as
+# the radius, so that there are points in them.
+EACH = 2  # where the noise of the survey is learned
+EACH_TO_WARN = 5  # where it is but told whether there is so much that roofs are lost
 ENOUGH = 4  # points that can tell whether they lie on a plane
 NOISY = 1.5  # times what points may be from a plane without noise, from which on it is told
 FEW = 0.2  # share of points that may lack neighbours before a warning

@@ -30,7 +30,7 @@ from algorithms.shared.cells import SortedCells
 from algorithms.shared.kernels import covariance as kernels
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.neighbours import PointTree
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 
 Name = Literal[
     "linearity",
@@ -196,6 +196,8 @@ def _of_all_within(
     cells = SortedCells.of(xyz, reach)
     asked = some[cells.order]
     again = kernels.repeated(cells.xyz, cells.start) if once else np.zeros(len(xyz), bool)
+    if again.any():
+        log.info("%d points share their place with another", np.count_nonzero(again))
 
     def describe(first: int, last: int) -> None:
         """Compute the features of the points in cells first..last."""

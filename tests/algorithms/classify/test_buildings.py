@@ -29,7 +29,6 @@ from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
 from algorithms.samples.scene import SamplesScene
 from algorithms.shared.alpha_shape import alpha_shape
-from algorithms.shared.places import once_each
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError, NothingToDo, ParameterError
 
@@ -466,15 +465,6 @@ def test_points_given_twice_make_no_roof_of_a_tree() -> None:
     same = both.classified["classification"] == np.tile(out.classified["classification"], 2)
     assert same.mean() > 0.999
     assert len(both.outlines) == 1
-
-
-def test_each_place_counts_once() -> None:
-    xyz = np.random.default_rng(0).integers(0, 4, (100, 3)).astype(float)
-    places, number = once_each(xyz)
-    np.testing.assert_array_equal(places[number], xyz)
-    assert len(places) == len(np.unique(xyz, axis=0))
-    apart = xyz + np.arange(100)[:, None]
-    assert once_each(apart)[0] is apart
 
 
 def test_shifted_points_give_the_same() -> None:

@@ -122,7 +122,12 @@ class Terrain:
 
 
 def find_terrain(
-    xyz: Floats, *, known: bool = False, metre: float = 1.0, ctx: Context = QUIET
+    xyz: Floats,
+    *,
+    known: bool = False,
+    rounds: int | None = None,
+    metre: float = 1.0,
+    ctx: Context = QUIET,
 ) -> Terrain:
     """The terrain: a robust surface through the lowest points that are not raised on all sides.
 
@@ -130,6 +135,7 @@ def find_terrain(
     ----------
     xyz : array of shape (n, 3)
     known : whether all of them are ground, so that none stands out, which takes a fifth of the time
+    rounds : how often what stands out loses weight; ROUNDS, or ROUNDS_KNOWN of known ground
     metre : length of one metre in the unit of the points
     ctx : progress and cancellation
 
@@ -159,7 +165,7 @@ def find_terrain(
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
     candidates = np.isfinite(z) if known else ground_cells(z, ctx.part(0.15, 0.7))
-    rounds = ROUNDS_KNOWN if known else ROUNDS
+    rounds = rounds or (ROUNDS_KNOWN if known else ROUNDS)
     heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 0.9), rounds=rounds)
     share = share_with_points(z)
     ground = near_surface(z, candidates, heights)

@@ -242,14 +242,19 @@ def strip() -> PointCloud:
 
 
 def with_house(strip: PointCloud) -> PointCloud:
-    """The strip with a meadow around the first edge of tiles, and a house across it."""
+    """The strip with a meadow around the first edge of tiles, and a house across it.
+
+    Half a metre of it lies in the first tile, which is less than the smallest building. Classes
+    are drawn at random, and what they call ground is: so the meadow is ground, and the house not.
+    """
     rng = np.random.default_rng(2)
     n = 8000
     x, y = rng.uniform(TILE - 40, TILE + 40, n), rng.uniform(0, 24, n)
     z = x**2 / 9000 + rng.normal(0, 0.03, n)
-    house = (abs(x - TILE - 2) < 9) & (abs(y - 12) < 7)
+    house = (abs(x - TILE - 8.5) < 9) & (abs(y - 12) < 7)
     z[house] = 18 - 0.5 * abs(y[house] - 12) + rng.normal(0, 0.03, house.sum())
     attributes = columns(rng, n) | {"gps_time": in_pairs(x)}
+    attributes["classification"] = np.where(house, 1, 2).astype(np.uint8)
     rest = strip.select(abs(strip["x"] - WEST - TILE) > 40)
     xyz = np.vstack([rest.xyz, np.column_stack([x + WEST, y + 4_600_000, z])])
     both = {name: np.concatenate([rest[name], attributes[name]]) for name in attributes}

@@ -41,11 +41,7 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     -------
     array of shape (m,)
     """
-    height, metre, z = (
-        features.terrain[1],
-        features.cloud.metre,
-        features.xyz[:, 2] / features.cloud.metre,
-    )
+    height, metre = features.terrain[1], features.cloud.metre
     found = np.zeros(len(shapes), bool)
     if not len(shapes):
         return found
@@ -55,7 +51,7 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     )
     for number in np.unique(beside):
         deck, ends = features.within(shapes[number], roof), low[point[beside == number]]
-        ends = ends[z[ends] >= np.median(z[deck]) - LEVEL]
+        ends = ends[levels(features, ends) >= np.median(levels(features, deck)) - LEVEL]
         if np.median(height[deck]) < OVER_GROUND or not len(ends):
             continue
         found[number] = between_ends(shapes[number], features.xyz[ends, :2], metre)
@@ -66,19 +62,21 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
 
 def low_beside(features: PointFeatures, roof: Mask) -> NDArray[np.int64]:
     """Indices of low points beside a roof point and at its level; low is below all roof points."""
-    height, metre, z = (
-        features.terrain[1],
-        features.cloud.metre,
-        features.xyz[:, 2] / features.cloud.metre,
-    )
-    tops, low = np.flatnonzero(roof), np.flatnonzero(~roof & (height < height[roof].min()))
-    low = low[may_be_near(features.xyz[low, :2], features.xyz[tops, :2], BESIDE * metre)]
+    height, metre, tops = features.terrain[1], features.cloud.metre, np.flatnonzero(roof)
+    near = may_be_near(features.xyz, features.xyz[tops, :2], BESIDE * metre)
+    low = np.flatnonzero(near & ~roof & (height < height[tops].min()))
     tree = cKDTree(features.xyz[tops, :2])
     found = tree.query(features.xyz[low, :2], distance_upper_bound=BESIDE * metre)
     away, nearest = map(np.asarray, found)
     near = np.isfinite(away)
     low, nearest = low[near], nearest[near]
-    return np.asarray(low[np.abs(z[tops[nearest]] - z[low]) <= LEVEL])
+    rise = levels(features, tops[nearest]) - levels(features, low)
+    return np.asarray(low[np.abs(rise) <= LEVEL])
+
+
+def levels(features: PointFeatures, some: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Elevations of some points, given by index, in metres."""
+    return np.asarray(features.xyz[some, 2] / features.cloud.metre)
 
 
 def between_ends(deck: Any, xy: Floats, metre: float) -> bool:

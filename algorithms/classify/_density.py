@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify._flatness import FLAT
+from algorithms.shared.kernels.sorting import counted
 from algorithms.shared.kernels.squares import numbered
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import ReturnNumbers
@@ -15,7 +16,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 
 CELL = 4.0  # metres, of the cells in which points are counted
-MOST = 4  # numbers of cells per point up to which it takes less to count than to sort
+SAMPLE = 500_000  # points at least, of whole cells, whose number per area is that of all
 RADIUS, CONTEXT, ALPHA = 1.0, 3.0, 1.5  # metres, where points are dense
 BY_SPACING = (1.75, 5.0, 2.25)  # times the spacing: the same where they are sparse, see the page
 LARGEST = (10.0, 20.0, 20.0)  # metres, for which halos are made
@@ -45,18 +46,17 @@ def _spacing(xyz: NDArray[np.float64], metre: float) -> float:
     """Metres between points of shape (n, 3); those at one position count once."""
     if not len(xyz):
         return 1.0
-    positions, _ = once_each(xyz)
-    positions.flags.writeable = False  # kernels would be compiled for writable ones once more
-    per_area = float(np.median(_held(numbered(positions, CELL * metre, 0)[0]))) / CELL**2
+    some = _cells(xyz, metre) % (len(xyz) // SAMPLE + 1) == 0
+    positions = once_each(xyz.compress(some, axis=0) if some.any() else xyz)
+    per_area = float(np.median(counted(_cells(positions, metre))[1])) / CELL**2
     return float(2.0 ** (-np.rint(np.log2(per_area)) / 2))
 
 
-def _held(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many points each cell has that has any."""
-    if cells.max() < MOST * len(cells):
-        counts = np.bincount(cells)
-        return counts[counts > 0]
-    return np.unique(cells, return_counts=True)[1]  # stray points stretch the box
+def _cells(xyz: NDArray[np.float64], metre: float) -> NDArray[np.int64]:
+    """Number of the cell of each point."""
+    view = xyz.view()
+    view.flags.writeable = False  # kernels would be compiled for writable ones once more
+    return np.asarray(numbered(view, CELL * metre, 0)[0])
 
 
 class Lengths(NamedTuple):

@@ -23,18 +23,21 @@ from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.kernels.sorting import sums_around
-from algorithms.shared.places import once_each
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import ReturnNumbers, has_numbers, let_through
 from algorithms.shared.selection import of_classes
 from algorithms.shared.terrain import HALO as GROUND_HALO
-from algorithms.shared.terrain import find_terrain, height_above, verdict
+from algorithms.shared.terrain import ROUNDS, find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, nearest
 
 FOOT = 0.5  # metres above ground from which points in an outline are building
 GROUND, VEGETATION, BUILDING = 2, 5, 6
+# Of known ground that of one square of so many times so many is looked at; squares are as wide as
+# the radius, so that there are points in them.
+EACH = 2  # where the noise of the survey is learned
+EACH_TO_WARN = 5  # where it is but told whether there is so much that roofs are lost
 ENOUGH = 4  # points that can tell whether they lie on a plane
 NOISY = 1.5  # times what points may be from a plane without noise, from which on it is told
 FEW = 0.2  # share of points that may lack neighbours before a warning
@@ -113,8 +116,11 @@ class PointFeatures:
             if HEIGHT in cloud:
                 return ground, given_heights(cloud)
             bare, metre = _frozen(self.xyz.compress(ground, axis=0)), cloud.metre
+            # A hundredth of roofs and plants may be called ground: so as many rounds as else.
             found = ctx.once(
-                "terrain", (bare, metre), lambda: find_terrain(bare, metre=metre, ctx=ctx)
+                "terrain",
+                (bare, metre),
+                lambda: find_terrain(bare, known=True, rounds=ROUNDS, metre=metre, ctx=ctx),
             )
             return ground, height_above(self.xyz, found)
         candidates = Candidates.of(cloud)
@@ -131,26 +137,33 @@ class PointFeatures:
 
         The scatter is the standard deviation of the distances in metres, array of shape (n,), NaN
         where there are too few points; the normals have the shape (n, 3). Points at one position
-        count once, since duplicates would make a plane of any two positions.
+        count once, since duplicates would make a plane of any two positions. On known ground, where
+        planes tell the noise of the survey alone, they are looked for in some squares: in few where
+        that noise is not followed.
         """
-        inputs = self.cloud.places, self.radius, self.cloud.metre
-        found = self.ctx.once("planes", inputs, self._planes)
+        some = np.ones(len(self.xyz), bool)
+        if self.ground_classes is not None:
+            each = EACH if self.follows_noise else EACH_TO_WARN
+            some = ~self.terrain[0] | in_some_squares(self.xyz, self.radius, each)
+        inputs = self.cloud.places, some, self.radius, self.cloud.metre
+        found = self.ctx.once("planes", inputs, lambda: self._planes(some))
         self._warn_of_few(np.isnan(found[0]))
         return found
 
-    def _planes(self) -> tuple[Floats, NDArray[np.float32]]:
-        """Scatter and normals, see `planes`."""
-        xyz, place = once_each(self.xyz)
+    def _planes(self, some: Mask) -> tuple[Floats, NDArray[np.float32]]:
+        """Scatter and normals of some points, see `planes`."""
         found = covariance_features(
-            xyz,
+            self.xyz,
             neighbours=None,
             radius=self.radius,
             names=("eigenvalue3", "neighbours", "nx", "ny", "nz"),
+            some=some,
+            once=True,
             ctx=self.ctx.part(0.4, 0.8),
         )
         off_plane = scatter_of(found["eigenvalue3"], found["neighbours"]) / self.cloud.metre
         normals = np.column_stack([found["nx"], found["ny"], found["nz"]])
-        return _frozen(off_plane[place]), _frozen(normals[place])
+        return _frozen(off_plane), _frozen(normals)
 
     @functools.cached_property
     def scatter(self) -> Floats:
@@ -270,14 +283,15 @@ class PointFeatures:
             "roughness": np.where(np.isnan(off_plane), self.radius / metre, off_plane),
             "returns": self.let_through[some].astype(np.float64),
         }
-        means = np.full((len(ground), len(values)), np.nan)
-        means[some] = means_around(
+        found = means_around(
             self.xyz.compress(some, axis=0) / (VOXEL * metre),
             ground[some],
             np.column_stack([*values.values()]),
             round(self.context / (VOXEL * metre), 6),  # whole metres stay whole in feet
             ctx=self.ctx.part(0.8, 1.0),
         )
+        means = np.full((len(ground), len(values)), np.nan)
+        means[some] = found
         return dict(zip(values, _frozen(means).T, strict=True))
 
 
@@ -292,6 +306,18 @@ MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {
     "returns": lambda features: features.around["returns"],
 }
 """Features that are not attributes of the points."""
+
+
+def in_some_squares(xyz: Floats, size: float, each: int) -> Mask:
+    """True for points in one of `each` times `each` squares, array of shape (n,).
+
+    The lattice of squares begins at the origin of the coordinates, as for a part of the points.
+
+    >>> in_some_squares(np.array([[1.0, 1], [1, 3], [5, 1]]), 2.0, 2).tolist()
+    [True, False, True]
+    """
+    east, north = (xyz[:, axis] / (each * size) for axis in (0, 1))
+    return np.asarray((east - np.floor(east) < 1 / each) & (north - np.floor(north) < 1 / each))
 
 
 def scatter_of(variance: NDArray[np.float32], count: NDArray[np.float32]) -> Floats:

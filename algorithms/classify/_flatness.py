@@ -16,7 +16,7 @@ BIN, BINS = 0.005, 60  # metres, the classes of scatter; all above the last are 
 SMOOTH = 0.25  # share of the ground that is smooth: the quantile of its scatter that is noise
 USUAL = 0.03  # metres of noise that `least` allows for: more than surveys of today have
 MOST = 0.2  # metres: about what leaves scatter by, so that nothing is told beyond
-FEWEST = 200  # points on the ground around that can tell the noise
+FEWEST = 50  # points on the ground around that can tell the noise: one in four is asked
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -35,7 +35,7 @@ from algorithms.shared.alpha_shape import alpha_shapes_of_groups
 from algorithms.shared.data_edge import cut
 from algorithms.shared.ground import without_withheld
 from algorithms.shared.heights import HEIGHT
-from algorithms.shared.kernels.sorting import stable
+from algorithms.shared.kernels.sorting import grouped, stable
 from algorithms.shared.selection import of_classes
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
@@ -218,7 +218,7 @@ class ClassifyTrees:
         """Attributes, top and crown of each tree."""
         cloud, core = self.points, self.points.core  # of all points, which takes time to make
         metre = cloud.metre
-        number = np.unique(tree, return_inverse=True)[1]
+        number = grouped(tree)[1]
         crowns = outlines(cloud.xyz[some, :2], number, lengths.alpha, ctx)
         ends = np.cumsum(np.bincount(number))[:-1]
         for crown, own in zip(crowns, np.split(some[stable(number)[0]], ends), strict=True):

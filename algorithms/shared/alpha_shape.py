@@ -229,8 +229,10 @@ def _trimmed(mesh: Mesh, kept: Mask, hole_threshold: float, region_threshold: fl
 def _small_patches(mesh: Mesh, kept: Mask, threshold: float) -> tuple[Mask, Mask]:
     """True for triangles in patches below an area, and for those in patches at the convex hull."""
     patch, count = kernels.patches(mesh.neighbours, kept)
-    areas = _of_triangles(kernels.areas_block, mesh, QUIET)
-    small = np.bincount(patch, areas, minlength=count) < threshold
+    small = np.ones(count, bool)
+    if np.isfinite(threshold):
+        areas = _of_triangles(kernels.areas_block, mesh, QUIET)
+        small = np.bincount(patch, areas, minlength=count) < threshold
     rim = np.zeros(count, bool)
     rim[patch[np.nonzero(mesh.neighbours < 0)[0]]] = True
     return small[patch], rim[patch]

@@ -30,7 +30,7 @@ from algorithms.shared.cells import SortedCells
 from algorithms.shared.kernels import covariance as kernels
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.neighbours import PointTree
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 
 Name = Literal[
     "linearity",
@@ -57,6 +57,7 @@ Name = Literal[
 FEWEST = 3  # points in a neighbourhood that have a shape
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Made = dict[Name, NDArray[np.float32]]
 
 
@@ -138,6 +139,8 @@ def covariance_features(
     neighbours: int | None = 20,
     radius: float | None = None,
     names: Sequence[Name] = ("linearity", "planarity", "sphericity"),
+    some: Mask | None = None,
+    once: bool = False,
     ctx: Context = QUIET,
 ) -> Made:
     """Features of the neighbourhood of every point, to which the point itself belongs.
@@ -149,6 +152,9 @@ def covariance_features(
         near ones; None for all within the radius
     radius : neighbours must be nearer than this, in the unit of xyz; None for any distance
     names : of FEATURES
+    some : array of shape (n,), the points to describe if all within the radius are neighbours; the
+        others get NaN
+    once : whether of points at one position one is a neighbour, if all within the radius are
     ctx : progress and cancellation
 
     Returns
@@ -173,26 +179,34 @@ def covariance_features(
     """
     if neighbours is None and radius is None:
         raise ValueError("give neighbours, a radius or both")
-    made = {name: np.empty(len(xyz), np.float32) for name in names}
+    made = {name: np.full(len(xyz), np.nan, np.float32) for name in names}
     if neighbours is None:
-        _of_all_within(xyz, float(radius or 0.0), made, ctx)
+        some = np.ones(len(xyz), bool) if some is None else some
+        _of_all_within(xyz, float(radius or 0.0), some, once, made, ctx)
     else:
         reach = np.inf if radius is None else float(radius)
         _of_the_nearest(xyz, neighbours, reach, made, ctx)
     return made
 
 
-def _of_all_within(xyz: Floats, reach: float, made: Made, ctx: Context) -> None:
-    """Fill in the features of neighbourhoods of all points within reach."""
+def _of_all_within(
+    xyz: Floats, reach: float, some: Mask, once: bool, made: Made, ctx: Context
+) -> None:
+    """Fill in the features of neighbourhoods of all points within reach, for some points."""
     cells = SortedCells.of(xyz, reach)
+    asked = some[cells.order]
+    again = kernels.repeated(cells.xyz, cells.start) if once else np.zeros(len(xyz), bool)
+    if again.any():
+        log.info("%d points share their place with another", np.count_nonzero(again))
 
     def describe(first: int, last: int) -> None:
         """Compute the features of the points in cells first..last."""
-        some = slice(cells.start[first], cells.start[last])
-        found = np.empty((kernels.ROWS, some.stop - some.start))
+        own = slice(cells.start[first], cells.start[last])
+        index = cells.order[own][asked[own]]
+        found = np.empty((kernels.ROWS, len(index)))
         layout = (cells.xyz, cells.key, cells.start, cells.stride)
-        kernels.within(first, last, *layout, reach, found)
-        _fill(made, cells.order[some], found)
+        kernels.within(first, last, *layout, reach, asked, again, found)
+        _fill(made, index, found)
 
     ctx.progress(0.2)
     side_by_side(describe, cells.runs, ctx=ctx.part(0.2, 1.0))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.kernels.sorting import counted
 from algorithms.shared.kernels.squares import add_slices, numbered, slice_ends
 
 SQUARE = 4.0  # metres: so far from a point its like are looked for, beyond its own square
@@ -14,7 +15,6 @@ SLICE, BAND = 0.5, 3  # metres of height, finer leaves less noise; slices of a b
 SHARE = 0.2  # of the points of a square that a surface has; crowns and steep slopes have fewer
 TIMES = 10  # points of a surface in a square, for each at the height of a point in all nine
 FEWEST = 4  # points, so that a surface has 40 in a square; of fewer (2.5 per m2) nothing is said
-DENSE = 4  # numbers per point that take less to count than points to sort
 DEEPEST = 100_000  # slices from the middle, 50 km, so that stray heights overflow no number
 
 REACH = 2 * math.sqrt(2) * SQUARE  # metres, of points that decide on another one
@@ -51,7 +51,7 @@ def scattered_below(xyz: Floats, metre: float) -> Mask:
     if not len(xyz):
         return np.zeros(0, bool)
     own, row, span = _numbered(xyz, metre)
-    keys, counts = _held(own)
+    keys, counts = counted(own)
     densest = _densest_above(keys, counts, span)
     below = np.flatnonzero(densest >= TIMES * FEWEST)
     few = TIMES * _around(keys, counts, keys[below], row, span) <= densest[below]
@@ -77,16 +77,6 @@ def _numbered(xyz: Floats, metre: float) -> tuple[Ints, int, int]:
     span = int(highest - lowest) + 3
     add_slices(own, xyz, SLICE * metre, lowest, highest, span)
     return own, int(cols) * span, span
-
-
-def _held(numbers: Ints) -> tuple[Ints, Ints]:
-    """The numbers that occur, in order, and how often."""
-    if numbers.max() > DENSE * len(numbers):
-        keys, counts = np.unique(numbers, return_counts=True)
-        return keys, counts
-    counts = np.bincount(numbers)
-    keys = np.flatnonzero(counts)
-    return keys, counts[keys]
 
 
 def _densest_above(keys: Ints, counts: Ints, span: int) -> Ints:

@@ -19,18 +19,13 @@ MARKS = 16  # for each point at least: so many that few points share one by chan
 Array = NDArray[np.float64]
 
 
-def once_each(xyz: Array) -> tuple[Array, NDArray[np.int64] | slice]:
-    """The distinct positions of points of shape (n, 3), and the index of that of each point.
-
-    Returns
-    -------
-    positions : array of shape (m, 3), in the order in which they come first
-    place : array of shape (n,), or a slice of all if no two points share a position
+def once_each(xyz: Array) -> Array:
+    """The distinct positions of points of shape (n, 3), in the order in which they come first.
 
     Examples
     --------
-    >>> once_each(np.array([[7, 0, 0], [5, 0, 0], [7, 0, 0], [7, 0, 1.0]]))[1]
-    array([0, 1, 0, 2])
+    >>> once_each(np.array([[7, 0, 0], [5, 0, 0], [7, 0, 0], [7, 0, 1.0]]))[:, 0]
+    array([7., 5., 7.])
     """
     keys = random_keys(xyz, 0)
     # Sorting all points takes far longer than sorting those that may share their place.
@@ -39,13 +34,10 @@ def once_each(xyz: Array) -> tuple[Array, NDArray[np.int64] | slice]:
     again = np.zeros(len(some), bool)
     again[1:] = (xyz[some[1:]] == xyz[some[:-1]]).all(axis=1)
     if not again.any():
-        return xyz, slice(None)
+        return xyz
     kept = np.ones(len(xyz), bool)
     kept[some[again]] = False
-    place = np.cumsum(kept) - 1
-    place[some] = place[some[np.maximum.accumulate(np.where(again, 0, np.arange(len(some))))]]
-    log.info("%d points share their place with another", np.count_nonzero(again))
-    return xyz.compress(kept, axis=0), place
+    return xyz.compress(kept, axis=0)
 
 
 def _bytes_for(points: int) -> int:

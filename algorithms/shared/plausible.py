@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.shared.kernels.sorting import grouped
+from algorithms.shared.kernels.sorting import counted, grouped
 from algorithms.shared.kernels.squares import (
     box,
     ends,
@@ -164,7 +164,7 @@ def hidden_share(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> floa
     counts, top = tops(squares, ground, xyz, int(squares.max()) + 1)
     above, layers = layers_above(squares, xyz, top, metre, CLEAR, LAYER)
     span = int(layers.max(initial=0)) + 1
-    found, points = np.unique(above * span + layers, return_counts=True)
+    found, points = counted(above * span + layers)
     densest = np.zeros(len(counts), np.int64)
     np.maximum.at(densest, found // span, points)
     with_ground = counts > 0

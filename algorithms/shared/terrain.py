@@ -98,7 +98,7 @@ class Terrain:
     heights : array of shape (rows, cols), in metres, NaN beyond FAR from any ground
     bend : array of the same shape, how far they follow edges off a smooth surface, in metres
     tolerance : array of shape (2, rows / 8, cols / 8), how far ground may lie above the terrain:
-        metres on level ground, and metres more per slope
+        metres on level ground, and metres more per slope; the most where all points are ground
     lowest : array of shape (rows, cols), height of the lowest point of each cell, in metres
     ground : array of the same shape, where that is a point of the ground
     lattice : cells of a metre, in the unit of the coordinates
@@ -122,7 +122,12 @@ class Terrain:
 
 
 def find_terrain(
-    xyz: Floats, *, known: bool = False, metre: float = 1.0, ctx: Context = QUIET
+    xyz: Floats,
+    *,
+    known: bool = False,
+    rounds: int | None = None,
+    metre: float = 1.0,
+    ctx: Context = QUIET,
 ) -> Terrain:
     """The terrain: a robust surface through the lowest points that are not raised on all sides.
 
@@ -130,6 +135,7 @@ def find_terrain(
     ----------
     xyz : array of shape (n, 3)
     known : whether all of them are ground, so that none stands out, which takes a fifth of the time
+    rounds : how often what stands out loses weight; ROUNDS, or ROUNDS_KNOWN of known ground
     metre : length of one metre in the unit of the points
     ctx : progress and cancellation
 
@@ -159,7 +165,7 @@ def find_terrain(
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
     candidates = np.isfinite(z) if known else ground_cells(z, ctx.part(0.15, 0.7))
-    rounds = ROUNDS_KNOWN if known else ROUNDS
+    rounds = rounds or (ROUNDS_KNOWN if known else ROUNDS)
     heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 0.9), rounds=rounds)
     share = share_with_points(z)
     ground = near_surface(z, candidates, heights)
@@ -171,10 +177,12 @@ def find_terrain(
     widest = np.empty((2, *share.shape))
     widest[0], widest[1] = TOLERANCE, SLOPE_TOLERANCE
     terrain = Terrain(heights, bend, widest, z, ground, lattice, metre)
-    tolerance = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
-    for array in (heights, bend, tolerance, z, ground):
+    if not known:
+        learned = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
+        terrain = replace(terrain, tolerance=learned)
+    for array in (heights, bend, terrain.tolerance, z, ground):
         array.flags.writeable = False
-    return replace(terrain, tolerance=tolerance)
+    return terrain
 
 
 def blocks_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int64]:

@@ -151,11 +151,12 @@ def _farthest(squared, count):
 
 
 @kernel
-def within(first_cell, last_cell, xyz, key, start, stride, reach, found):
-    """Fill in the moments and axes of all neighbours of points within `reach`.
+def within(first_cell, last_cell, xyz, key, start, stride, reach, asked, again, found):
+    """Fill in the moments and axes of all neighbours within `reach` of points that are `asked` for.
 
     The points of the cells around are brought together once for all points of a cell; `found` has
-    the shape (ROWS, points of the cells).
+    the shape (ROWS, points of the cells that are asked for). Points `again` at the place of another
+    are no neighbours.
     """
     step, at = cells.columns(stride, key)
     first, last = np.empty(cells.COLUMNS, np.int64), np.empty(cells.COLUMNS, np.int64)
@@ -163,26 +164,44 @@ def within(first_cell, last_cell, xyz, key, start, stride, reach, found):
     away = np.empty(PART), np.empty(PART), np.empty(PART), np.empty(PART, np.int32)
     if first_cell < last_cell:
         cells.begin(key, first_cell, step, at)
+    done = 0
     for cell in range(first_cell, last_cell):
+        if not asked[start[cell] : start[cell + 1]].any():
+            continue
         total = cells.around(key, start, cell, step, at, first, last)
         if len(near_x) < total:
             near_x, near_y, near_z = np.empty(2 * total), np.empty(2 * total), np.empty(2 * total)
-        _bring(xyz, first, last, near_x, near_y, near_z)
+        total = _bring(xyz, again, first, last, near_x, near_y, near_z)
         near = near_x[:total], near_y[:total], near_z[:total]
         for own in range(start[cell], start[cell + 1]):
-            row = found[:, own - start[first_cell]]
-            _describe_within(near, xyz[own], reach, away, row)
+            if asked[own]:
+                _describe_within(near, xyz[own], reach, away, found[:, done])
+                done += 1
     _axes(found)
 
 
 @helper
-def _bring(xyz, first, last, near_x, near_y, near_z):
-    """Copy runs of points, so that their coordinates are side by side."""
+def _bring(xyz, again, first, last, near_x, near_y, near_z):
+    """Copy runs of points, so that their coordinates are side by side; how many there are."""
     used = 0
     for c in range(len(first)):
         for i in range(first[c], last[c]):
             near_x[used], near_y[used], near_z[used] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-            used += 1
+            used += not again[i]
+    return used
+
+
+@kernel
+def repeated(xyz, start):
+    """True for points at the place of one before them, which is in the same cell."""
+    found = np.zeros(len(xyz), np.bool_)
+    for cell in range(len(start) - 1):
+        for i in range(start[cell] + 1, start[cell + 1]):
+            for j in range(start[cell], i):
+                if xyz[i, 0] == xyz[j, 0] and xyz[i, 1] == xyz[j, 1] and xyz[i, 2] == xyz[j, 2]:
+                    found[i] = True
+                    break
+    return found
 
 
 @helper

@@ -36,7 +36,8 @@ def dealt(xy: Floats) -> tuple[Ints, list[int], Floats]:
     bounds : array of shape (strips + 1,), strip k has the x from bounds[k] to below bounds[k + 1]
     """
     x, strips = np.ascontiguousarray(xy[:, 0]), len(xy) // STRIP
-    cuts = np.unique(np.sort(x)[np.arange(1, strips) * len(xy) // strips])
+    last = np.arange(1, strips) * len(xy) // strips
+    cuts = np.unique(np.partition(x, last)[last])
     strip = np.searchsorted(cuts, x, side="right").astype(np.uint16)
     order = np.argsort(strip, kind="stable").astype(np.int32)
     sizes = np.bincount(strip, minlength=len(cuts) + 1)

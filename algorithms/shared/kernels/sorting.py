@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from algorithms.shared.kernels.compiling import helper, kernel
 
+DENSE = 4  # numbers up to so many times their count take less to count than to sort
+
 Number = TypeVar("Number", bound=np.generic)
 
 
@@ -89,6 +91,20 @@ def grouped(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int6
     number = np.empty(len(keys), np.int64)
     number[order] = np.cumsum(new) - 1
     return ordered[new], number
+
+
+def counted(numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The whole numbers that occur, none below zero, in order, and how often.
+
+    >>> [found.tolist() for found in counted(np.array([7, 3, 7, 0]))]
+    [[0, 3, 7], [1, 1, 2]]
+    """
+    if numbers.max(initial=0) > DENSE * len(numbers):
+        keys, counts = np.unique(numbers, return_counts=True)
+        return keys, counts
+    counts = np.bincount(numbers)
+    keys = np.flatnonzero(counts)
+    return keys, counts[keys]
 
 
 @kernel

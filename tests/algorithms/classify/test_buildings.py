@@ -20,7 +20,7 @@ from algorithms.classify._bridges import between_ends
 from algorithms.classify._crowns import crowns
 from algorithms.classify._density import Lengths
 from algorithms.classify._doubtful_heights import warn_of_doubtful_heights
-from algorithms.classify._evidence import PointFeatures, once_each
+from algorithms.classify._evidence import PointFeatures
 from algorithms.classify._outlines import margin
 from algorithms.classify._refused import warn_of_lost
 from algorithms.classify._squared import main_direction, squared
@@ -465,15 +465,6 @@ def test_points_given_twice_make_no_roof_of_a_tree() -> None:
     same = both.classified["classification"] == np.tile(out.classified["classification"], 2)
     assert same.mean() > 0.999
     assert len(both.outlines) == 1
-
-
-def test_each_place_counts_once() -> None:
-    xyz = np.random.default_rng(0).integers(0, 4, (100, 3)).astype(float)
-    places, number = once_each(xyz)
-    np.testing.assert_array_equal(places[number], xyz)
-    assert len(places) == len(np.unique(xyz, axis=0))
-    apart = xyz + np.arange(100)[:, None]
-    assert once_each(apart)[0] is apart
 
 
 def test_shifted_points_give_the_same() -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scenes.layers import cloud
 
-from algorithms.classify import _flatness
+from algorithms.classify import _evidence, _flatness
 from algorithms.classify._evidence import PointFeatures
 from algorithms.classify._flatness import by_noise
 from algorithms.classify.buildings import ClassifyBuildings
@@ -59,7 +59,7 @@ def test_it_has_limits(scatter: float, least: float, expected: float) -> None:
 
 def test_ground_of_few_points_tells_nothing() -> None:
     xy = np.random.default_rng(0).uniform(0, 50, (1000, 2))
-    for enough, expected in ((199, 0.06), (200, 0.114)):
+    for enough, expected in ((49, 0.06), (50, 0.114)):
         ground = np.arange(1000) < enough
         found = by_noise(xy, np.full(1000, 0.1), ground, 0.06, 1.0)
         assert found == pytest.approx(expected, abs=0.006)
@@ -151,3 +151,44 @@ def test_a_part_of_the_ground_that_scatters_does_not_decide_elsewhere() -> None:
     flatness = PointFeatures(points, 1.0, 3.0, ground_classes=(2,), by_noise=True).flatness
     assert flatness[xy[:, 0] < 100].min() > 0.09
     assert (flatness[xy[:, 0] > 250] == 0.06).all()
+
+
+def test_noise_and_roofs_are_the_same_by_a_part_of_the_ground(
+    town: PointCloud, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Planes are looked for on a quarter of the known ground, and everywhere above it."""
+    points = shaken(town, 0.1)
+    some = PointFeatures(points, 1.0, 3.0, ground_classes=(2,), by_noise=True)
+    scatter, flatness = some.scatter, some.flatness
+    monkeypatch.setattr(_evidence, "EACH", 1)
+    every = PointFeatures(points, 1.0, 3.0, ground_classes=(2,), by_noise=True)
+    ground = some.terrain[0]
+    asked = np.isfinite(scatter[ground]).mean() / np.isfinite(every.scatter[ground]).mean()
+    assert 0.2 < asked < 0.3
+    to_warn = PointFeatures(points, 1.0, 3.0, ground_classes=(2,)).scatter[ground]
+    assert 0.02 < np.isfinite(to_warn).mean() / np.isfinite(every.scatter[ground]).mean() < 0.06
+    np.testing.assert_array_equal(scatter[~ground], every.scatter[~ground])
+    np.testing.assert_allclose(flatness, every.flatness, atol=0.003)
+
+
+def test_what_classes_call_ground_is_ground_where_it_is_raised_on_all_sides() -> None:
+    """A bastion of 20 m, 6 m high, which a search for the terrain would take out."""
+    side = np.arange(0, 100, 0.5)
+    xy = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
+    top = (abs(xy - 50) < 10).all(axis=1)
+    points = cloud(np.column_stack([xy, np.where(top, 6.0, 0.0)]), 2, crs=CRS(32635))
+    middle = (abs(xy - 50) < 8).all(axis=1)
+    height = PointFeatures(points, 1.0, 3.0, ground_classes=(2,)).terrain[1]
+    assert abs(height[middle]).max() < 1
+
+
+def test_heights_bear_a_hundredth_of_roofs_and_plants_that_are_called_ground() -> None:
+    scene = SamplesScene(kind="town", size=100.0, density=8.0, seed=10).run().points
+    truth = scene["classification"]
+    wrong = (truth >= 3) & (np.random.default_rng(0).random(len(truth)) < 0.01)
+    called = scene.with_attributes({"classification": np.where(wrong, 2, truth).astype(np.uint8)})
+    right, height = (
+        PointFeatures(points, 1.0, 3.0, ground_classes=(2,)).terrain[1]
+        for points in (scene, called)
+    )
+    assert np.quantile(abs(height - right)[truth == 6], 0.95) < 0.05

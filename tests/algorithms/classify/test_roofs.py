@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scenes.layers import cloud
 
+from algorithms.classify import _density
 from algorithms.classify._density import Lengths, spacing
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify.buildings import ClassifyBuildings
 from algorithms.ground.classify import GroundClassify
 from algorithms.samples.scene import SamplesScene
+from algorithms.shared.places import once_each
 from toolbox.data import PointCloud
 
 Floats = NDArray[np.float64]
@@ -155,6 +157,22 @@ def test_spacing_is_that_of_last_returns(density: float, apart: float, metre: fl
     )
     assert spacing(points) == apart
     assert spacing(points.select([])) == 1.0
+
+
+def test_spacing_is_told_by_some_cells_of_many_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of points that come twice; the west, a quarter of the area, is four times as dense."""
+    xyz = np.random.default_rng(0).uniform(0, (200, 200, 5), (40_000, 3))
+    dense = np.random.default_rng(1).uniform(0, (50, 200, 5), (30_000, 3))
+    points = PointCloud(np.vstack([xyz, dense, xyz, dense]))
+    looked_at = []
+    monkeypatch.setattr(
+        _density, "once_each", lambda xyz: looked_at.append(len(xyz)) or once_each(xyz)
+    )
+    assert spacing(points) == 1.0
+    monkeypatch.setattr(_density, "SAMPLE", 20_000)
+    assert spacing(points) == 1.0
+    assert looked_at[0] == 140_000
+    assert 14_000 < looked_at[1] < 21_000
 
 
 def test_spacing_is_the_same_where_stray_points_stretch_the_box() -> None:

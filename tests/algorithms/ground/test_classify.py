@@ -915,6 +915,7 @@ def test_terrain_of_known_ground_is_that_found_among_all() -> None:
     known = find_terrain(xyz[ground], known=True)
     away = height_above(xyz[ground], known) - height_above(xyz[ground], found)
     assert np.sqrt(np.mean(away**2)) < 0.01
+    assert (known.tolerance.max(axis=(1, 2)) == known.tolerance.min(axis=(1, 2))).all()
 
 
 # Raised sections -----------------------------------------------------------------------------

@@ -236,3 +236,22 @@ def test_what_cannot_be() -> None:
         covariance_features(np.full((5, 3), np.nan))
     with pytest.raises(Cancelled):
         covariance_features(terrain(), ctx=Context(stop=lambda: True))
+
+
+def test_some_points_have_the_features_that_they_have_among_all() -> None:
+    xyz = terrain()
+    some = np.arange(len(xyz)) % 7 == 0
+    every = covariance_features(xyz, neighbours=None, radius=1.5, names=ALL)
+    found = covariance_features(xyz, neighbours=None, radius=1.5, names=ALL, some=some)
+    for name in ALL:
+        np.testing.assert_array_equal(found[name][some], every[name][some])
+        assert np.isnan(found[name][~some]).all()
+
+
+def test_points_at_one_place_count_once_if_asked_for() -> None:
+    xyz = terrain()
+    twice = np.concatenate([xyz, xyz[::3]])
+    single = covariance_features(xyz, neighbours=None, radius=1.5, names=ALL)
+    found = covariance_features(twice, neighbours=None, radius=1.5, names=ALL, once=True)
+    for name in ALL:
+        np.testing.assert_array_equal(found[name], np.r_[single[name], single[name][::3]])

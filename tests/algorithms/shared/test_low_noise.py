@@ -10,7 +10,8 @@ from scenes.towns import EAST, NORTH, inside, plane
 
 from algorithms.ground.classify import GroundClassify
 from algorithms.shared import low_noise
-from algorithms.shared.low_noise import DEEPEST, DENSE, REACH, SLICE, scattered_below
+from algorithms.shared.kernels.sorting import DENSE
+from algorithms.shared.low_noise import DEEPEST, REACH, SLICE, scattered_below
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -193,12 +193,20 @@ class Swung:
 
     @classmethod
     def of(cls, sights: Sequence[Sighted]) -> Swung | None:
-        """The positions in which strips surely show the wires of a span; None for one position."""
+        """The positions in which strips surely show the wires of a span; None for one position.
+
+        Of how wires hang a strip tells nothing of which few points show, or an end of the span.
+        """
         strip = np.concatenate([sight.strip for sight in sights])
+        parts = [
+            facing(one, sights[0]) * (one.along / one.wire.curve.length - 0.5) for one in sights
+        ]
+        share = np.concatenate(parts)
         groups = [
             [number]
             for number in distinct(strip).tolist()
             if np.count_nonzero(strip == number) >= SETTINGS.curves.fewest_points
+            and 8 * np.ptp(share[strip == number]) > SETTINGS.spans.found_eighths
         ]
         deepest = max((float(sight.hang.max(initial=0.0)) for sight in sights), default=0.0)
         while len(groups) > 1:

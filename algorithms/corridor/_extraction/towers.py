@@ -279,7 +279,7 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
     below = (above > 2 * SETTINGS.points.off_ground) & (z <= waist)
     body &= below
     around = np.count_nonzero(below & (away < SETTINGS.curves.clutter_radius))
-    stands = bool(body.any()) and (lattice or 2 * np.count_nonzero(body) > around)
+    stands = bool(body.any() and (lattice or 2 * np.count_nonzero(body) > around))
     mine = near[arms | body]
     top = top_of(corridor.air.xyz[mine, 2]) if len(mine) else support.high
     highest = max(top, support.high)  # of a pole only the foot may show

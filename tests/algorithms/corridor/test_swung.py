@@ -178,6 +178,19 @@ def test_few_points_are_parted_as_the_others_of_their_span() -> None:
     assert found[3].curve.swing == pytest.approx(found[1].curve.swing, abs=0.01)
 
 
+@pytest.mark.parametrize(("to", "number"), [(160.0, [1, 2]), (55.0, [1])])
+def test_a_strip_that_shows_an_end_of_a_span_parts_no_wire(to: float, number: list[int]) -> None:
+    """Beside a bend of the line 28 points of the next leg did, by how they err together."""
+    corridor, wires = hung_in((18.0, 19.0), (0.0, 0.0), points=300)
+    kept = (corridor.strip == 1) | (corridor.air.xyz[:, 0] < to)
+    air = Airborne.of(corridor.air.xyz[kept])
+    yes, strip = np.ones(len(air.xyz), bool), corridor.strip[kept][air.order]
+    some = replace(corridor, air=air, height=air.xyz[:, 2], may=yes, strip=strip)
+    curve = fit(air.xyz)
+    assert curve is not None
+    assert parted(some, [replace(wires[0], curve=curve)], [1])[1] == number
+
+
 def test_what_hardly_hangs_has_one_position_also_beside_swung_wires() -> None:
     corridor, wires = hung_in((18.0, 20.0), (0.0, 0.0))
     rng = np.random.default_rng(6)

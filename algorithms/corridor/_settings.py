@@ -352,6 +352,9 @@ class Arcs:
     ring_inner: float = tried(0.5, "m", "from an arm, where its surroundings begin")
     ring_outer: float = tried(6.0, "m", "from an arm, where what is usual around it ends")
     meeting_sd: float = tried(0.1, "m", "by which arcs may miss each other at a support")
+    least_kink: float = built(
+        0.03, "1", "share of the bend between two level spans, of a support that shows no arm"
+    )
     kink_spread: float = built(
         0.4, "1", "standard deviation of the bends at supports, as shares of that"
     )

@@ -382,15 +382,17 @@ def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_], see
 
     In a long span with many points it is significant how wires wander, and a cut would mend it; and
     the top of a tree among wires looks like an arm, its trunk like a pole. But there they do not
-    bend: no bend at all is likelier than one between two spans by more than `seen` tells of an arm
-    there, and, where it is not `bare` of what looks like one, it is a hundred times as likely.
+    bend: no bend at all is a hundred times as likely as one between two spans, and more than `seen`
+    tells of an arm there, or, where it is `bare` of what looks like a support, they hardly do.
     """
-    enough = seen / 2 - np.where(bare, 0.0, math.log(SETTINGS.sparse.false_alarms))
+    least, enough = SETTINGS.arcs.least_kink, seen / 2 - math.log(SETTINGS.sparse.false_alarms)
     while len(edges) > 2:
         kinks, sigmas = np.array([kink(bins, *three, bend) for three in threes(edges)]).T
-        spare = enough[edges[1:-1]] - straightness(kinks, sigmas)
-        worst = int(np.argmin(spare))
-        if spare[worst] >= 0:
+        straight = np.maximum(straightness(kinks, sigmas), 1e-9)
+        bends = enough[edges[1:-1]] / straight
+        bends = np.where(bare[edges[1:-1]], np.minimum(bends, np.abs(kinks) / least), bends)
+        worst = int(np.argmin(bends))
+        if bends[worst] >= 1:
             break
         edges = np.delete(edges, worst + 1)
     return edges

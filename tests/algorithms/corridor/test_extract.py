@@ -493,18 +493,6 @@ def test_no_support_is_where_wires_do_not_bend_unless_an_arm_is_seen_and_this_is
     assert found == (edges.tolist() if kept else [0, 300, 600, 900])
 
 
-@pytest.mark.parametrize("bare", [True, False])
-def test_where_no_arm_is_seen_wires_must_rather_bend_than_not(bare: bool) -> None:
-    """A tenth of what level spans would, and as unsure: trees were poles there."""
-    u = np.arange(900) + 0.5
-    heights = np.column_stack([0.5 * (u % 300 - 150) ** 2 / 1500] * 3)
-    heights -= 0.005 * np.minimum(np.abs(u - 150), 150)[:, None]
-    bins, edges = arcs_of_tracks(heights), np.array([0, 150, 300, 600, 900])
-    bins = replace(bins, tall=np.full(heights.shape, 0.05))
-    found = bending(bins, edges, 1 / 1500, np.full(901, bare), np.zeros(901)).tolist()
-    assert found == ([0, 300, 600, 900] if bare else edges.tolist())
-
-
 @pytest.mark.parametrize("edges", [[0, 97, 118, 200], [0, 82, 103, 200]])
 def test_cuts_that_come_nearer_than_two_supports_can_be_are_one(edges: list[int]) -> None:
     """Of three wires with a support at 100 m; the cut in the span makes an arc of its own."""

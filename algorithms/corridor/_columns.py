@@ -263,6 +263,6 @@ TOWERS = {
     "body": Column("Seen of its height", "%", 0, 100.0),
     "sd_along": Column("Standard deviation of its place along the line", "m", 1),
     "certain": Column(
-        "Certain (1), or told by wires alone, in an unsure place or without a body (0)"
+        "Certain (1), or told by wires alone, in an unsure place or by no body of its own (0)"
     ),
 }

@@ -56,8 +56,9 @@ class SamplesScene:
 
     A corridor has presets: lines of many kinds in many lands and surveys, some of them worse than
     one would wish, and scenes without a line (no_line_...) but with what looks like one. Their
-    features are wires as far as they were surveyed, once for each wind in which they hung, the
-    points where these are attached, towers with their type, houses, trees and what is no line.
+    features are wires as far as they were surveyed, once for each wind that moved them by 0.1 m or
+    more, the points where these are attached, towers with their type, houses, trees and what is no
+    line.
     """
 
     kind: Literal["town", "corridor", "power_lines", "reservoir", "facade"] = param(

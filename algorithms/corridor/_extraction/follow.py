@@ -55,6 +55,7 @@ from algorithms.corridor._extraction.supports import (
 )
 from algorithms.corridor._extraction.swung import (
     in_two_positions,
+    parted,
     seen_twice,
     strip_of,
     strips_disagree,
@@ -560,7 +561,7 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
     wires = [wire for wire in wires if not is_arm(wire, supports)]
     wires, supports = along_the_line(wires, supports)
     wires = [to_supports(wire, supports) for wire in wires]
-    strip = [strip_of(corridor, wire) for wire in wires]
+    wires, strip = parted(corridor, wires, [strip_of(corridor, wire) for wire in wires])
     return numbered(wires, supports, in_two_positions(wires, strip), strip), supports
 
 

@@ -240,14 +240,14 @@ def warn_of_scatter(wires: Vector) -> None:
 
 
 def warn_of_bodiless_supports(towers: Vector) -> None:
-    """Log which supports show points level with their wires, but none of a body below these."""
+    """Log which supports show points level with their wires, but no body that stands alone."""
     frame, seen = towers.frame, SETTINGS.towers.known_by_points
     sure = (frame["points"] >= seen) & (frame["sd_along"] <= SETTINGS.supports.settled_slack)
     bare = frame.loc[sure & (frame["certain"] == 0), "tower_id"].astype(str)
     if len(bare):
         log.warning(
-            "tower_id %s: there are points level with the wires, but none of a body below them; "
-            "this may be the top of a tree or the edge of a roof, and no support",
+            "tower_id %s: there are points level with the wires, but none of a body below them, or "
+            "as many around it; this may be a tree or the edge of a roof, and no support",
             ", ".join(bare),
         )
 

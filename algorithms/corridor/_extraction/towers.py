@@ -35,7 +35,7 @@ class Tower:
     points : indices among the points in the air
     top : height of its highest point, or of its highest wire if that is higher
     width : half width of the body below its arms
-    stands : whether points of that body are seen
+    stands : whether points of that body are seen, and it stands by itself if it is a pole
     """
 
     support: Support
@@ -51,7 +51,10 @@ class Tower:
 
     @property
     def is_certain(self) -> bool:
-        """Whether a body and more than its wires tell of it, and where it stands along the line."""
+        """Whether a body and more than its wires tell of it, and where it stands along the line.
+
+        A pole has few points around it; in woods the trunk and the crown of a tree are a body, too.
+        """
         return (
             self.stands
             and len(self.points) >= SETTINGS.towers.known_by_points
@@ -273,11 +276,14 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
         body &= (above > SETTINGS.towers.foot_height) | (
             np.abs(away - foot) < SETTINGS.towers.leg_width
         )
-    body &= above > 2 * SETTINGS.points.off_ground
+    below = (above > 2 * SETTINGS.points.off_ground) & (z <= waist)
+    body &= below
+    around = np.count_nonzero(below & (away < SETTINGS.curves.clutter_radius))
+    stands = bool(body.any() and (lattice or 2 * np.count_nonzero(body) > around))
     mine = near[arms | body]
     top = top_of(corridor.air.xyz[mine, 2]) if len(mine) else support.high
     highest = max(top, support.high)  # of a pole only the foot may show
-    return Tower(support, mine, highest, width, bool(body.any()))
+    return Tower(support, mine, highest, width, stands)
 
 
 def top_of(z: Floats) -> float:

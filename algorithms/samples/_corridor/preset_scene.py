@@ -21,6 +21,9 @@ from algorithms.samples._survey import EAST, NORTH, Features, Floats, SceneData
 from toolbox.context import QUIET, Context
 
 SHORTEST = 5.0  # of a piece of a wire that is truth, m
+# m between two positions of a wire that are one: a curve between them is within 0.05 m of both, as
+# near as heights of catenaries are asked to be, and no survey of these scenes shows two.
+ONE_POSITION = 0.1
 
 
 def preset_scene(preset: Preset, seed: int, ctx: Context = QUIET) -> SceneData:
@@ -87,13 +90,32 @@ def _wire_features(site: Site, wire: Wire, swings: Sequence[float]) -> Features:
     ----------
     swings : angles by which wind blew it aside while it was surveyed, radians
     """
-    positions = [feature for swing in swings for feature in _position(site, wire, swing)]
+    apart = told_apart(swings, wire.curve.sag)
+    positions = [feature for swing in apart for feature in _position(site, wire, swing)]
     made: Features = []
     for end, tower in zip((wire.curve.start, wire.curve.end), wire.towers, strict=True):
         if site.covers(np.array([end]))[0]:
             point = shapely.Point(np.round(np.array(end) + np.array([EAST, NORTH, 0.0]), 4))
             made.append((point, {"kind": "attachment", "tower_id": tower, **_ids(wire)}))
     return [*positions, *made]
+
+
+def told_apart(swings: Sequence[float], sag: float) -> list[float]:
+    """Angles of positions of a wire that are apart; those next to each other are one, their mean.
+
+    Parameters
+    ----------
+    swings : angles by which it was blown aside, radians
+    sag : metres, by which its middle is from the line about which wind turns it
+    """
+    groups: list[list[float]] = []
+    for swing in swings:
+        near = (own for own in groups if 2 * sag * abs(np.sin((swing - own[0]) / 2)) < ONE_POSITION)
+        if (own := next(near, None)) is None:
+            groups.append([swing])
+        else:
+            own.append(swing)
+    return [float(np.mean(own)) for own in groups]
 
 
 def _position(site: Site, wire: Wire, swing: float) -> Features:

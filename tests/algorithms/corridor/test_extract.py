@@ -798,6 +798,19 @@ def test_a_pole_of_which_no_body_is_seen_is_not_certain(
     assert (text in caplog.text) == (not body)
 
 
+@pytest.mark.parametrize("count", [10, 400])
+def test_a_pole_with_as_many_points_around_it_is_not_certain(
+    count: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In woods trees at the wires were told to be certain poles, metres from where one stands."""
+    _, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    rng = np.random.default_rng(8)
+    crown = rng.uniform((58.7, -1.3, 1.5), (61.3, 1.3, 7.5), (count, 3))
+    towers = found(GROUND, *wires, poles, crown).towers.frame
+    assert towers["certain"].tolist() == [1, int(count < 100), 1, 1]
+    assert ("tower_id 2: there are points level with the wires" in caplog.text) == (count > 100)
+
+
 @pytest.mark.parametrize(
     ("per_metre", "noise", "told"), [(8, 0.03, False), (1, 0.2, True)], ids=["many", "few"]
 )

@@ -11,12 +11,17 @@ import numpy as np
 import pytest
 from scenes.corridors import Floats, cloud, ground, pole, wire
 
-from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne
-from algorithms.corridor._extraction.spans import Wire, chained, numbered
+from algorithms.corridor._extraction.spans import Wire, chained, numbered, on_wire
 from algorithms.corridor._extraction.supports import Support
-from algorithms.corridor._extraction.swung import in_two_positions, seen_twice, strips_disagree
+from algorithms.corridor._extraction.swung import (
+    in_two_positions,
+    parted,
+    seen_twice,
+    strips_disagree,
+)
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 
@@ -83,6 +88,145 @@ def test_close_wires_are_followed_in_each_strip_by_itself() -> None:
     assert frame.wire_id.nunique() == 3
     assert (frame.groupby(["span_id", "wire_id"]).size() == 2).all()
     assert frame.rms.median() < 0.05  # metres; points scatter by 0.03
+
+
+@pytest.mark.parametrize(("winds", "times"), [((8.0, 16.0), 2), ((8.0, 10.0), 1)])
+def test_positions_next_to_each_other_are_told_apart_by_strips(
+    winds: tuple[float, float], times: int
+) -> None:
+    """Positions 0.14 m apart, of points that scatter by 0.03, were one curve between them.
+
+    Those 0.04 m apart are one.
+    """
+    frame = CorridorExtract(points=on_poles(winds)).run().wires.frame
+    assert (frame.conductors == 3).all()
+    assert frame.wire_id.nunique() == 3
+    assert (frame.groupby(["span_id", "wire_id"]).size() == times).all()
+    if times == 2:
+        swings = frame.assign(swing=frame.swing.abs()).groupby(["span_id", "wire_id"]).swing
+        assert swings.min().median() == pytest.approx(8.0, abs=1.0)
+        assert swings.max().median() == pytest.approx(16.0, abs=1.0)
+
+
+def hung_in(
+    winds: Sequence[float], aside: Sequence[float], points: int = 40
+) -> tuple[Corridor, list[Wire]]:
+    """A wire of a span, and points of it in strips with these winds, which lie so far aside."""
+    rng = np.random.default_rng(5)
+    parts = []
+    for degrees, off in zip(winds, aside, strict=True):
+        xyz = hung(degrees).curve.points(np.linspace(0.0, 160.0, points))
+        parts.append(xyz + rng.normal(0, (0, 0.012, 0.03), xyz.shape) + (0, off, 0))
+    air = Airborne.of(np.vstack(parts))
+    yes, strip = np.ones(len(air.xyz), bool), np.repeat(np.arange(len(winds)) + 1, points)
+    strip = strip.astype(np.uint16)[air.order]
+    corridor = Corridor(
+        air, air.xyz[:, 2], yes, 0.25, lambda x, y: 0.0, lambda x, y: True, strip=strip
+    )
+    curve = fit(air.xyz)
+    assert curve is not None
+    return corridor, [replace(hung(), curve=curve)]
+
+
+@pytest.mark.parametrize(
+    ("winds", "aside", "expected"),
+    [
+        ((18.0, 20.0), (0.0, 0.0), [18.0, 20.0]),  # 0.28 m apart
+        ((18.0, 18.0), (0.0, 0.0), []),
+        ((18.0, 18.3), (0.0, 0.0), []),  # 0.04 m apart: surely, but less than points scatter
+        ((18.0, 18.0), (0.0, 0.2), []),  # a strip that lies aside of the other
+        ((18.0, 20.0), (0.0, 0.2), [18.0, 20.0]),
+        ((18.0, 20.0, 18.0), (0.0, 0.0, 0.0), [18.0, 20.0]),  # two strips in one wind
+        ((18.0, 20.0, 22.0), (0.0, 0.0, 0.0), [18.0, 20.0, 22.0]),
+    ],
+)
+def test_a_wire_is_parted_where_wind_moved_it_farther_than_points_scatter(
+    winds: Sequence[float], aside: Sequence[float], expected: list[float]
+) -> None:
+    corridor, wires = hung_in(winds, aside)
+    found, strip = parted(corridor, wires, [1])
+    if not expected:
+        assert (found, strip) == (wires, [1])
+        return
+    assert len(set(strip)) == len(strip) == len(expected)
+    assert sum(one.curve.count for one in found) == len(on_wire(corridor, wires[0])[0])
+    told = [abs(math.degrees(math.atan(one.curve.swing))) for one in found]
+    assert told == pytest.approx(expected, abs=0.3)
+    for one, number, degrees in zip(found, strip, expected, strict=True):
+        middle = hung(degrees).curve.points(np.array([80.0]))
+        middle[:, 1] += aside[number - 1]
+        assert one.curve.away(middle)[0] < 0.05
+        assert one.curve.covariance is not None
+        assert wires[0].curve.covariance is not None
+        more = one.curve.covariance[0, 0] / wires[0].curve.covariance[0, 0]
+        assert len(winds) > 2 or more == pytest.approx(2.0, rel=0.1)  # one strip tells half as much
+
+
+def test_few_points_are_parted_as_the_others_of_their_span() -> None:
+    """Three points of a strip tell of no position, but other wires in the same wind do."""
+    corridor, wires = hung_in((18.0, 18.8), (0.0, 0.0))
+    few = corridor.air.xyz[corridor.strip == 2][[5, 18, 30]] + (0.0, 4.0, 0.0)
+    many = corridor.air.xyz[corridor.strip == 1] + (0.0, 4.0, 0.0)
+    air = Airborne.of(np.vstack([corridor.air.xyz, many, few]))
+    strip = np.concatenate([corridor.strip, np.repeat([1, 2], [len(many), 3])])[air.order]
+    yes, strip = np.ones(len(air.xyz), bool), strip.astype(np.uint16)
+    both = replace(corridor, air=air, height=air.xyz[:, 2], may=yes, strip=strip)
+    second = fit(np.vstack([many, few]))
+    assert second is not None
+    found, number = parted(both, [*wires, replace(wires[0], curve=second)], [1, 1])
+    assert number == [1, 2, 1, 2]
+    assert found[3].curve.swing == pytest.approx(found[1].curve.swing, abs=0.01)
+
+
+@pytest.mark.parametrize(("to", "number"), [(160.0, [1, 2]), (55.0, [1])])
+def test_a_strip_that_shows_an_end_of_a_span_parts_no_wire(to: float, number: list[int]) -> None:
+    """Beside a bend of the line 28 points of the next leg did, by how they err together."""
+    corridor, wires = hung_in((18.0, 19.0), (0.0, 0.0), points=300)
+    kept = (corridor.strip == 1) | (corridor.air.xyz[:, 0] < to)
+    air = Airborne.of(corridor.air.xyz[kept])
+    yes, strip = np.ones(len(air.xyz), bool), corridor.strip[kept][air.order]
+    some = replace(corridor, air=air, height=air.xyz[:, 2], may=yes, strip=strip)
+    curve = fit(air.xyz)
+    assert curve is not None
+    assert parted(some, [replace(wires[0], curve=curve)], [1])[1] == number
+
+
+def test_what_hardly_hangs_has_one_position_also_beside_swung_wires() -> None:
+    corridor, wires = hung_in((18.0, 20.0), (0.0, 0.0))
+    rng = np.random.default_rng(6)
+    piece = Catenary(0.0, 9.0, 1.0, 0.0, 80.0, HEIGHT, HEIGHT, 1 / 800)  # hangs by 1 m
+    xyz = piece.points(np.linspace(0.0, 80.0, 60)) + rng.normal(0, (0, 0.012, 0.03), (60, 3))
+    air = Airborne.of(np.vstack([corridor.air.xyz, xyz]))
+    strip = np.concatenate([corridor.strip, np.tile([1, 2], 30)])[air.order].astype(np.uint16)
+    yes, curve = np.ones(len(air.xyz), bool), fit(xyz)
+    assert curve is not None
+    both = replace(corridor, air=air, height=air.xyz[:, 2], may=yes, strip=strip)
+    assert parted(both, [*wires, replace(wires[0], curve=curve)], [1, 1])[1] == [1, 2, 1]
+
+
+@pytest.mark.parametrize(
+    ("seed", "radius", "few"),
+    [
+        (174, 0.3, 8),  # as about a drop of a town, said to be lifted by 54 degrees
+        (5, 0.05, 7),  # 0.15 m apart by their swings, by no more than two standard deviations
+    ],
+)
+def test_points_that_lie_aside_by_chance_part_no_wire(seed: int, radius: float, few: int) -> None:
+    rng = np.random.default_rng(seed)
+    drop = Catenary(0.0, 0.0, 1.0, 0.0, 20.0, 6.0, 6.0, 0.017)
+    parts = []
+    for count in (22, few):
+        xyz = drop.points(rng.uniform(0, 20, count))
+        xyz[:, 1:] += rng.uniform(-radius, radius, (count, 2))
+        parts.append(xyz)
+    air = Airborne.of(np.vstack(parts))
+    strip = np.repeat([1, 2], [22, few]).astype(np.uint16)[air.order]
+    yes, still = np.ones(len(air.xyz), bool), lambda x, y: 0.0
+    corridor = Corridor(air, air.xyz[:, 2], yes, 0.25, still, lambda x, y: True, strip=strip)
+    curve = fit(air.xyz, spread=corridor.own_radius)
+    assert curve is not None
+    wires = [Wire(curve, (0, -1), (0.0, 20.0), 0.25, span=0, bundle=0)]
+    assert parted(corridor, wires, [1]) == (wires, [1])
 
 
 def test_strips_disagree_only_where_there_are_two() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 from typing import Any, get_args
@@ -15,7 +16,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist, squareform
 
 from algorithms.samples._corridor.land import Plants
-from algorithms.samples._corridor.preset_scene import built, preset_scene, truth
+from algorithms.samples._corridor.preset_scene import built, preset_scene, told_apart, truth
 from algorithms.samples._corridor.presets import PRESETS, Name
 from algorithms.samples._corridor.site import OVERHEAD, Site
 from algorithms.samples._survey import EAST, NORTH, Features, SceneData
@@ -223,6 +224,24 @@ def test_wind_blows_wires_aside_otherwise_in_each_strip() -> None:
         strip = away[:, a["point_source_id"][near] == number].mean(axis=1)
         assert strip[number - 1] < 0.1
         assert strip[2 - number] > 0.2
+
+
+@pytest.mark.parametrize(
+    ("degrees", "sag", "expected"),
+    [
+        ((10.0, 20.0), 8.0, [10.0, 20.0]),
+        ((20.6, 20.7), 8.0, [20.65]),  # 1.4 cm apart: who finds one finds both
+        ((10.0, 16.0), 0.9, [13.0]),  # 9 cm
+        ((10.0, 17.0), 0.9, [10.0, 17.0]),  # 11 cm
+        ((10.0, 20.0, 10.1), 8.0, [10.05, 20.0]),
+    ],
+)
+def test_positions_next_to_each_other_are_one_in_the_truth(
+    degrees: tuple[float, ...], sag: float, expected: list[float]
+) -> None:
+    """Each was asked for a curve of its own: no span of two winds 0.06 degrees apart was found."""
+    found = told_apart([math.radians(each) for each in degrees], sag)
+    assert np.degrees(found) == pytest.approx(expected)
 
 
 def test_wires_have_one_position_in_still_air() -> None:

@@ -444,6 +444,7 @@ class Supports:
     lowest_arm: float = built(
         0.25, "1", "share of its height below which a support holds no wire, those of others on it"
     )
+    lowest_end: float = built(2.0, "m", "of a wire at a support above the ground, out of reach")
     tallest_pole: float = built(15.0, "m", "height below which a support is a pole")
     settled_slack: float = tried(
         1.0,

@@ -358,6 +358,13 @@ def is_arm(wire: Wire, supports: Sequence[Support]) -> bool:
     return False
 
 
+def is_guy(wire: Wire, supports: Sequence[Support]) -> bool:
+    """Whether an end of a wire is so near to the ground that it is tied there, as of a mast."""
+    ends = zip(wire.supports, wire.curve.ends[:, 2], strict=True)
+    heights = [z - supports[number].ground for number, z in ends if number >= 0]
+    return min(heights, default=math.inf) < SETTINGS.supports.lowest_end
+
+
 def sagging(wires: Sequence[Wire]) -> list[Wire]:
     """The wires without those that are surely straight.
 
@@ -558,7 +565,7 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
     """
     wires, supports = numbered_anew(lines)
     wires, supports = shared(wires, all_centred(corridor, wires, supports))
-    wires = [wire for wire in wires if not is_arm(wire, supports)]
+    wires = [w for w in wires if not (is_arm(w, supports) or is_guy(w, supports))]
     wires, supports = along_the_line(wires, supports)
     wires = [to_supports(wire, supports) for wire in wires]
     wires, strip = parted(corridor, wires, [strip_of(corridor, wire) for wire in wires])

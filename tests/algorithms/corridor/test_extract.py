@@ -45,7 +45,7 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
-from algorithms.corridor._extraction.follow import is_arm
+from algorithms.corridor._extraction.follow import is_arm, is_guy
 from algorithms.corridor._extraction.labels import none_labelled
 from algorithms.corridor._extraction.missed import (
     conductor_counts,
@@ -1354,6 +1354,19 @@ def test_a_part_of_an_arm_is_no_wire(
     curve = wire((0, 2, 10), end, 300)[0]
     tower = Support(0.0, 0.0, (0.0, 1.0), (-10.0, 10.0), 9.0, 11.0, 0.0, 1.0)
     assert is_arm(Wire(curve, supports, (0.0, curve.length), 0.25), [tower]) == is_one
+
+
+@pytest.mark.parametrize(
+    ("low", "supports", "is_one"),
+    [(1.5, (-1, 0), True), (2.5, (-1, 0), False), (1.5, (0, -1), False), (1.5, (-1, -1), False)],
+)
+def test_what_is_tied_near_the_ground_is_no_wire(
+    low: float, supports: tuple[int, int], is_one: bool
+) -> None:
+    """A rope of a radio mast was a wire, between two certain poles (no_line_radio_masts, 355)."""
+    curve = wire((0, 0, 20), (30, 0, low), 300)[0]
+    pole = Support(0.0, 0.0, (0.0, 1.0), (0.0, 0.0), 9.0, 11.0, 0.0, 1.0)
+    assert is_guy(Wire(curve, supports, (0.0, curve.length), 0.25), [pole]) == is_one
 
 
 @pytest.mark.parametrize(("first", "bundles"), [([0, 0], 2), ([0, 1], 4)])

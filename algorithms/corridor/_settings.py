@@ -444,7 +444,6 @@ class Supports:
     lowest_arm: float = built(
         0.25, "1", "share of its height below which a support holds no wire, those of others on it"
     )
-    lowest_end: float = built(2.0, "m", "of a wire at a support above the ground, out of reach")
     tallest_pole: float = built(15.0, "m", "height below which a support is a pole")
     settled_slack: float = tried(
         1.0,
@@ -464,7 +463,9 @@ class Towers:
     slack_lattice: float = surveyed(0.4, "m", "around the body of a lattice")
     slack_pole: float = surveyed(0.15, "m", "around the body of a pole")
     hidden_pole_width: float = built(0.2, "m", "half width of a pole of which little is seen")
-    foot_height: float = tried(3.0, "m", "below which shrubs may grow inside a lattice")
+    foot_height: float = tried(
+        3.0, "m", "below which shrubs may grow inside a lattice, and no support holds a wire"
+    )
     leg_width: float = built(1.0, "m", "of a face of the lattice there")
     jumper_deepest: float = built(4.0, "m", "below its wire, where a jumper ends")
     jumper_width: float = built(

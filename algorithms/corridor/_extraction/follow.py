@@ -362,7 +362,7 @@ def is_guy(wire: Wire, supports: Sequence[Support]) -> bool:
     """Whether an end of a wire is so near to the ground that it is tied there, as of a mast."""
     ends = zip(wire.supports, wire.curve.ends[:, 2], strict=True)
     heights = [z - supports[number].ground for number, z in ends if number >= 0]
-    return min(heights, default=math.inf) < SETTINGS.supports.lowest_end
+    return min(heights, default=math.inf) < SETTINGS.towers.foot_height
 
 
 def sagging(wires: Sequence[Wire]) -> list[Wire]:

@@ -1358,7 +1358,7 @@ def test_a_part_of_an_arm_is_no_wire(
 
 @pytest.mark.parametrize(
     ("low", "supports", "is_one"),
-    [(1.5, (-1, 0), True), (2.5, (-1, 0), False), (1.5, (0, -1), False), (1.5, (-1, -1), False)],
+    [(2.5, (-1, 0), True), (3.5, (-1, 0), False), (1.5, (0, -1), False), (1.5, (-1, -1), False)],
 )
 def test_what_is_tied_near_the_ground_is_no_wire(
     low: float, supports: tuple[int, int], is_one: bool

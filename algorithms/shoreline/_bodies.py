@@ -546,14 +546,20 @@ def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
             rest = rest[~at]
 
 
+def numbers_on(cells: CellGrid, bodies: Sequence[Body]) -> Ints:
+    """Number of the body on each cell, shape (rows, cols); -1 for none."""
+    of = np.full(cells.low.shape, -1)
+    for k, body in enumerate(bodies):
+        of.ravel()[body.cells] = k
+    return of
+
+
 def touching(cells: CellGrid, bodies: Sequence[Body]) -> list[list[int]]:
     """Numbers of the bodies that are one, for there is nothing between them.
 
     Their levels differ where they were flown on different days; the water at a weir falls more.
     """
-    of = np.full(cells.low.shape, -1)
-    for k, body in enumerate(bodies):
-        of.ravel()[body.cells] = k
+    of = numbers_on(cells, bodies)
     sides = [(of[1:], of[:-1]), (of[:, 1:], of[:, :-1])]
     pairs = np.concatenate([np.stack([a.ravel(), b.ravel()]) for a, b in sides], axis=1)
     pairs = np.sort(pairs[:, (pairs >= 0).all(axis=0) & (pairs[0] != pairs[1])], axis=0)

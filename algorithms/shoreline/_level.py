@@ -73,6 +73,11 @@ class Sides:
     towards: tuple[float, float]
     beyond: float
 
+    @property
+    def levels(self) -> tuple[float, float]:
+        """Both levels, the lower one first."""
+        return self.lower, self.upper
+
     def at(self, xy: Floats) -> Floats:
         """Level on the side of each position, of shape (n, 2)."""
         return np.where(xy @ np.array(self.towards) >= self.beyond, self.upper, self.lower)
@@ -193,7 +198,7 @@ def level_of(
     places = xyz[core][near, :2]
     flat = np.column_stack([places, heights[near] - found.shift(places, strips[near])])
     if parts := _parts(flat, metre):
-        found = replace(holding(found, (parts.lower, parts.upper)), parts=parts)
+        found = replace(holding(found, parts.levels), parts=parts)
     below = level + found.shift(xyz[:, :2], strip) - xyz[:, 2]
     below = below[(below > 0) & (below < MOST_SIGMA * WIDEST * metre)]
     if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
@@ -222,7 +227,7 @@ def side_by_side(xyz: Floats, level: Level, most: float, metre: float) -> Level:
     on = abs(xyz[:, 2] - parts.at(xyz[:, :2])) <= WIDEST * level.sigma
     height = float(xyz[on, 2].mean())
     mean = replace(level, height=height, points=int(on.sum()), of_strip=())
-    return replace(holding(mean, (parts.lower, parts.upper)), parts=parts)
+    return replace(holding(mean, parts.levels), parts=parts)
 
 
 def holding(level: Level, parts: tuple[float, float]) -> Level:

@@ -135,22 +135,22 @@ def _surface(
     centre = cells.centres(body.cells).mean(axis=0)
     flat = xyz.copy()
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
-    core = open_water(cells, body)
+    cell, core = cells_of(xyz, lattice), open_water(cells, body)
     if not _tells_level(cells, body):
-        amid = np.isin(cells_of(xyz, lattice), body.cells)
+        amid = np.isin(cell, body.cells)
         level = edge_level(flat, amid, body.level, metre, step)
     else:
-        deep = np.isin(cells_of(xyz, lattice), core)
+        deep = np.isin(cell, core)
         level = level_of(flat, strip, deep, body.level, metre, step)
         if two_days and not level.strips:
-            every = np.isin(cells_of(xyz, lattice), core_of(cells, body.cells))
+            every = np.isin(cell, core_of(cells, body.cells))
             level = side_by_side(flat[every], level, DROP * metre, metre)
         if islands_hide(cells, body):
-            low = np.isin(cells_of(xyz, lattice), open_water(cells, body, crests=False))
+            low = np.isin(cell, open_water(cells, body, crests=False))
             troughs = level_of(flat, strip, low, body.level, metre)
             error = math.hypot(level.error, (level.height - troughs.height) / 2)
             level = replace(level, error=error)
-        if parts := covered(flat, strip, cells_of(xyz, lattice), core, cells, level):
+        if parts := covered(flat, strip, cell, core, cells, level):
             level = replace(holding(level, parts), cover=parts)
     shift = level.shift(xyz[:, :2], strip)
     flat[:, 2] -= shift

@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from algorithms.shoreline._bodies import CONTACT, RIVER, WEIR, Pour, find_bodies, joined
+from algorithms.shoreline._bodies import (
+    CONTACT,
+    RIVER,
+    WEIR,
+    Pour,
+    find_bodies,
+    joined,
+    numbers_on,
+)
 from algorithms.shoreline._cells import (
     LEVEL,
     REACH,
@@ -36,21 +44,10 @@ from algorithms.shoreline._evidence import (
     looks_like_water,
 )
 from algorithms.shoreline._kernels import TAKEN
-from algorithms.shoreline._level import (
-    DAYS,
-    NINETY_FIVE,
-    Level,
-    under_cover,
-)
+from algorithms.shoreline._level import DAYS, NINETY_FIVE, Level, under_cover
 from algorithms.shoreline._reaches import along_banks, reaches
 from algorithms.shoreline._returns import Returns
-from algorithms.shoreline._surfaces import (
-    FALL,
-    Water,
-    islands_hide,
-    lattice_place,
-    with_levels,
-)
+from algorithms.shoreline._surfaces import FALL, Water, islands_hide, lattice_place, with_levels
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data.crs import own_unit
 from toolbox.declare import Position
@@ -117,8 +114,7 @@ def find_water(
     ]
     found = _of_two_days(points, cells, found, first)
     ctx.progress(1.0)
-    found = [_uncovered(cells, water) for water in found if not _is_road(cells, water)]
-    found = [_on_top(water) for water in found]
+    found = [_on_top(_uncovered(cells, water)) for water in found if not _is_road(cells, water)]
     if not level_alone:
         found = _sure(cells, found)
     if not found:
@@ -177,7 +173,7 @@ def _of_two_days(
 
 def _as_first(cells: CellGrid, found: Sequence[Water], first: Sequence[Body]) -> list[Ints]:
     """Cells of each water, with those of the bodies of which it kept most and no other has any."""
-    of = _numbers(cells, found).ravel()
+    of = numbers_on(cells, [water.body for water in found]).ravel()
     whole = [water.body.cells for water in found]
     for body in first:
         kept = np.bincount(of[body.cells] + 1, minlength=len(found) + 1)[1:]
@@ -297,19 +293,11 @@ def _nearest(cells: CellGrid, found: Sequence[Water], to: Sequence[Water]) -> li
     """The water found that is nearest to each of some others; none without any."""
     if not (found and to):
         return [None] * len(to)
-    of = _numbers(cells, found)
+    of = numbers_on(cells, [water.body for water in found])
     away, near = ndimage.distance_transform_edt(of < 0, return_indices=True)
     closest = [one.body.cells[np.argmin(away.ravel()[one.body.cells])] for one in to]
     at = np.unravel_index(closest, of.shape)
     return [found[k] for k in of[near[0][at], near[1][at]]]
-
-
-def _numbers(cells: CellGrid, found: Sequence[Water]) -> NDArray[np.int64]:
-    """Number of the water on each cell, shape (rows, cols); -1 for none."""
-    of = np.full(cells.low.shape, -1)
-    for k, water in enumerate(found):
-        of.ravel()[water.body.cells] = k
-    return of
 
 
 def _uncovered(cells: CellGrid, water: Water) -> Water:
@@ -438,10 +426,7 @@ def _hole(cells: CellGrid, some: Ints, reason: str) -> str:
 
 def _wet(cells: CellGrid, found: Sequence[Water]) -> NDArray[np.bool_]:
     """Which cells are of some waters, shape (rows, cols)."""
-    wet = np.zeros(cells.low.shape, bool)
-    for water in found:
-        wet.ravel()[water.body.cells] = True
-    return wet
+    return numbers_on(cells, [water.body for water in found]) >= 0
 
 
 def _above(cells: CellGrid, place: Body, found: Sequence[Water]) -> str:
@@ -513,7 +498,7 @@ def _step(cells: CellGrid, step: _Step) -> str:
 
 def _steps(cells: CellGrid, found: Sequence[Water]) -> Iterator[_Step]:
     """Pairs of waters that nearly meet, where surfaces differ by what is told of flights."""
-    of = _numbers(cells, found).ravel()
+    of = numbers_on(cells, [water.body for water in found]).ravel()
     for k, water in enumerate(found):
         beside = around(cells.lattice, water.body.cells, APART)
         for other in np.unique(of[beside[of[beside] > k]]):
@@ -665,14 +650,12 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 strip_levels(one.level),
             )
         if one.level.parts:
-            low, high = one.level.parts.lower, one.level.parts.upper
             log.warning(
                 "points: %s stands at two levels side by side, %s and %s: flown at other "
                 "times, strips that do not fit, or a step within a strip. Its level is the mean "
                 "of its points; its interval holds both",
                 name_of(cells, one),
-                in_unit(cells, low),
-                in_unit(cells, high),
+                *(in_unit(cells, height) for height in one.level.parts.levels),
             )
         if one.level.cover and abs(np.subtract(*one.level.cover)) >= DAYS * metre:
             log.warning(

@@ -214,11 +214,15 @@ class ShorelineExtract:
 
         @property
         def _by_bright_returns(self) -> int:
-            """How many bodies have their level from few returns that are as bright as land."""
+            """How many bodies have their level from few returns that are as bright as land.
+
+            Returns of a class of water are of water.
+            """
             from algorithms.shoreline._evidence import DARK, SPARSE
 
             frame = self.water.frame
             some = (frame["returned"] <= SPARSE) & (frame["darkness"] < DARK)
+            some &= ~frame["evidence"].str.contains("class")
             return int(frame["body"][some & frame["scatter"].notna()].nunique())
 
         def not_looked_at(self) -> Iterator[str]:

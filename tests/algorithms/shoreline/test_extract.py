@@ -143,6 +143,16 @@ def test_waters_of_which_plants_alone_may_have_come_back_are_counted() -> None:
         assert [told in one for one in said] == ([True] if told else [])
 
 
+def test_few_bright_returns_of_a_class_of_water_are_of_water() -> None:
+    made = waters.survey("plants", 734)
+    wet = shapely.contains_xy(made.outlines[0], *made.points.xyz[:, :2].T)
+    classes = {"classification": np.where(wet, 9, 2).astype(np.uint8)}
+    found = extract(made.points.with_attributes(classes), water_classes=ClassList([9]))
+    assert only(found).evidence.endswith("class")
+    assert found.level_interval < 0.01
+    assert not any("as bright as land" in one for one in found.not_looked_at())
+
+
 def test_the_least_area_and_width_of_waters_are_told_whether_any_is_found() -> None:
     """A piece of 78 m2 of a canal between a bridge and a house was water nowhere, in silence."""
     for points in (lake(), hillside(0, 0.06)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -56,6 +56,8 @@ class CellGrid:
     inside : whether the cell has data, or lies between data in its row or column
     surrounded : whether it has data, or lies between data in its row and in its column
     flights : number of flights that cover the cell, at least 1
+    flown : whether a flight has points in the cell, or on both sides of it in its row or column
+    strips : number of flights that are told apart
     density : points per square unit on land
     """
 
@@ -73,6 +75,8 @@ class CellGrid:
     inside: Mask
     surrounded: Mask
     flights: NDArray[np.uint16]
+    flown: Mask
+    strips: int
     density: float
 
     @property
@@ -104,6 +108,12 @@ class CellGrid:
     def hole(self) -> Mask:
         """True for cells without points, unless single ones among cells with points."""
         return np.asarray(self.inside & (self.count == 0) & (self.known < FILLED))
+
+    def without(self, some: Ints) -> CellGrid:
+        """The same, but for some cells without points that are taken to lie outside of the data."""
+        there = np.ones(self.inside.shape, bool)
+        there.ravel()[some] = False
+        return replace(self, inside=self.inside & there, surrounded=self.surrounded & there)
 
     def calm(self, spread: float = CALM) -> Mask:
         """True for cells around which the heights are nearly equal, to a spread in metres."""
@@ -196,6 +206,8 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
         inside,
         surrounded,
         seen.flights(),
+        seen.flown(),
+        len(seen.blocks),
         density,
     )
 
@@ -224,8 +236,20 @@ class _Seen(NamedTuple):
         """How many flights cover each cell: what lies amid points of one is covered, too."""
         amid = (one | (between(one, 0) & between(one, 1)) for one in self.blocks)
         count = np.maximum(sum(one.astype(np.uint16) for one in amid), 1).astype(np.uint16)
+        return np.asarray(self._of_cells(count))
+
+    def flown(self) -> Mask:
+        """Which cells a flight covers at all: what lies beside both of two strips is in none.
+
+        Wide water and shadows from edge to edge have points on two sides alone, in their rows or
+        columns.
+        """
+        amid = [between(one, 0) | between(one, 1) for one in self.blocks]
+        return np.asarray(self._of_cells(np.any(amid, axis=0)))
+
+    def _of_cells(self, blocks: NDArray[Any]) -> NDArray[Any]:
         rows, cols = self.lattice.shape
-        return np.asarray(count.repeat(BLOCK, 0).repeat(BLOCK, 1)[:rows, :cols])
+        return blocks.repeat(BLOCK, 0).repeat(BLOCK, 1)[:rows, :cols]
 
 
 def _density(points: Returns, corners: NDArray[np.float64], ctx: Context) -> float:

@@ -22,14 +22,12 @@ from algorithms.shoreline._bodies import (
 )
 from algorithms.shoreline._cells import (
     LEVEL,
-    REACH,
     STEEPEST,
     CellGrid,
     Tilt,
     around,
     grid,
     shore_of,
-    window,
 )
 from algorithms.shoreline._dikes import apart
 from algorithms.shoreline._evidence import (
@@ -47,6 +45,7 @@ from algorithms.shoreline._kernels import TAKEN
 from algorithms.shoreline._level import DAYS, NINETY_FIVE, Level, under_cover
 from algorithms.shoreline._reaches import along_banks, reaches
 from algorithms.shoreline._returns import Returns
+from algorithms.shoreline._strip_gaps import shoreless, strip_gaps
 from algorithms.shoreline._surfaces import FALL, Water, islands_hide, lattice_place, with_levels
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data.crs import own_unit
@@ -92,18 +91,11 @@ def find_water(
     if len(points) < FEWEST_POINTS:
         log.warning("points: only %d take part, too few to tell water from land", len(points))
         return cells, []
-    pour = Pour(cells, least_area)
-    bodies = first = find_bodies(cells, pour, ctx.part(0.5, 0.7))
-    found: list[Water] = []
-    steep: list[Water] = []  # would run into lakes below them
-    for k in range(MOST_ROUNDS):  # waves and slopes are known after a first look
-        ctx.progress(0.7 + 0.3 * k / MOST_ROUNDS)
-        found = with_levels(points, cells, bodies)
-        steep += [water for water in found if _is_steep(cells, water)]
-        found = _filled(cells, pour, [water for water in found if not _is_steep(cells, water)])
-        bodies = joined(cells, [water.body for water in found])
-        if k + 1 >= ROUNDS and len(bodies) == len(found):
-            break
+    pour, first, found, steep = _poured(points, cells, least_area, ctx.part(0.5, 0.8))
+    if gaps := strip_gaps(cells, found):
+        _tell_strip_gaps(cells, gaps)
+        cells = cells.without(np.concatenate(gaps))
+        pour, first, found, steep = _poured(points, cells, least_area, ctx.part(0.8, 1.0))
     found = _without_gaps(cells, found, steep)  # of whose pieces some would be level
     found = [part for water in found for part in _parted(points, cells, pour.fewest, water)]
     found = [
@@ -124,6 +116,25 @@ def find_water(
     _tell_holes(cells, pour, found)
     _tell_steps(cells, found)
     return cells, [with_hidden_shore(cells, one) for one in sorted(found, key=_by_size)]
+
+
+def _poured(
+    points: Returns, cells: CellGrid, least_area: float, ctx: Context
+) -> tuple[Pour, list[Body], list[Water], list[Water]]:
+    """What was poured, the bodies found first, these as they are in the end, and too steep ones."""
+    pour = Pour(cells, least_area)
+    bodies = first = find_bodies(cells, pour, ctx.part(0.0, 0.4))
+    found: list[Water] = []
+    steep: list[Water] = []  # would run into lakes below them
+    for k in range(MOST_ROUNDS):  # waves and slopes are known after a first look
+        ctx.progress(0.4 + 0.6 * k / MOST_ROUNDS)
+        found = with_levels(points, cells, bodies)
+        steep += [water for water in found if _is_steep(cells, water)]
+        found = _filled(cells, pour, [water for water in found if not _is_steep(cells, water)])
+        bodies = joined(cells, [water.body for water in found])
+        if k + 1 >= ROUNDS and len(bodies) == len(found):
+            break
+    return pour, first, found, steep
 
 
 def _parted(points: Returns, cells: CellGrid, least: int, water: Water) -> list[Water]:
@@ -218,6 +229,18 @@ def _without_gaps(cells: CellGrid, found: Sequence[Water], steep: Sequence[Water
             some_of([_spot(cells, one.body.cells) for one in gaps]),
         )
     return kept
+
+
+def _tell_strip_gaps(cells: CellGrid, gaps: Sequence[Ints]) -> None:
+    """Log gaps between strips that water runs into."""
+    log.warning(
+        "points: gaps between strips that water runs into, and that are left out of it: %d; "
+        "nothing came back from them, and all that is seen beside is more than %g m above the "
+        "water. Where its outline meets them it is no shore: %s",
+        len(gaps),
+        WALL,
+        some_of([_spot(cells, one) for one in gaps]),
+    )
 
 
 def _is_steep(cells: CellGrid, water: Water) -> bool:
@@ -680,7 +703,7 @@ def warn_of(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 rise / metre,
             )
-        elif len(some := _shoreless(cells, one)) * cells.area >= LARGE * metre**2:
+        elif len(some := shoreless(cells, one)) * cells.area >= LARGE * metre**2:
             log.warning(
                 "points: about %.0f m2 of %s returned nothing, and all that is seen beside, of "
                 "whatever class, is more than %g m above its level, as at %.1f,%.1f: crowns or "
@@ -730,20 +753,6 @@ def _hidden(cells: CellGrid, water: Water) -> float:
     """How high half of the rim of a lake without returns is, if that hides its shore; else 0."""
     rise = _rise(cells, water) if water.level.basis == "shore" else 0.0
     return rise if rise > WALL * cells.metre else 0.0
-
-
-def _shoreless(cells: CellGrid, water: Water) -> Ints:
-    """Cells of a water without points that are nearest to points far above its level."""
-    (top, left), wet = window(cells.lattice, water.body.cells, REACH)
-    here = np.s_[top : top + wet.shape[0], left : left + wet.shape[1]]
-    empty = cells.count[here] == 0
-    unseen = empty | (ndimage.binary_fill_holes(wet) & ~wet)  # islands and boats are no bank
-    near = ndimage.distance_transform_edt(unseen, return_distances=False, return_indices=True)
-    ground = ndimage.minimum_filter(cells.low[here], 2 * REACH + 1)[tuple(near)]
-    r, c = np.nonzero(wet & empty)
-    some = (r + top) * cells.lattice.cols + c + left
-    rise = ground[r, c] + cells.base - water.level.at(cells.centres(some))
-    return np.asarray(some[rise > WALL * cells.metre])
 
 
 def _rise(cells: CellGrid, water: Water) -> float:

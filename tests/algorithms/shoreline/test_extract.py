@@ -1175,21 +1175,6 @@ def test_bodies_do_not_overlap() -> None:
     assert max(shared) == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.slow
-def test_a_valley_with_gravel_pits_holds_no_lake_above_them(
-    data: Callable[[str], Path], caplog: Any
-) -> None:
-    """Before, 65 ha at 285 m and 48 ha at 299 m covered the pits at 251 m.
-
-    Half of the river is a gap between strips of the survey, and a pool above a weir.
-    """
-    cloud = PointCloud.open(data("isprs_sites/FSite5_orig-utm.laz")).with_crs(CRS(32632))
-    water = extract(cloud, bodies="all", sloped=True).water.frame
-    assert water["area"].sum() < 170_000
-    assert water["area"].iloc[0] == pytest.approx(152_000, rel=0.03)
-    assert "about 89000 m2 of water body 1 (" in caplog.text
-
-
 @pytest.mark.parametrize(("apart", "told"), [(0.0, False), (0.4, True)])
 def test_a_part_of_a_lake_that_stands_higher_is_told(apart: float, told: bool, caplog: Any) -> None:
     """Of another day, or ice: its water would run off to the rest, and its edge is no shore."""

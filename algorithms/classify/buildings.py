@@ -64,6 +64,8 @@ TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
 SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
 SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
 ROUNDING = 1e-9  # of a length: in feet the same one may come out a little shorter
+BELOW_DISC = 2.0  # times the spacing of points: least radius of a disc, with a dozen of them below
+MOST = 0.75  # share of a region that is left without the ground in it, if it is a roof with courts
 HALF_AS_DENSE = 0.5**0.5  # times as far apart are twice as many points per area
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 
@@ -348,7 +350,12 @@ class ClassifyBuildings:
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
         shapes = shapes[~bridges(features, planes, shapes)]
+        regions = shapes
         shapes = self._without_ground(features, planes, shapes, lengths, ctx.part(1.0, 1.0))
+        if gone := len(regions) - len(
+            np.unique(shapely.STRtree(regions).query(shapes, "intersects")[1])
+        ):
+            log.info("%d regions have ground in between: no roofs", gone)
         trees = crowns(shapes, features, planes)
         if trees.any():
             log.info(
@@ -367,22 +374,26 @@ class ClassifyBuildings:
     ) -> Shapes:
         """Regions that hide the ground.
 
-        Where points are sparse the disc is wider than gardens, and joins houses across them: what
-        has ground in between is drawn again with the disc for twice as many points per area, until
-        it is that for dense ones. What is as narrow and low as a vehicle then was one of a row.
+        The disc is wider than courts, and where points are sparse than gardens, and joins roofs
+        across them: what has ground in between is drawn again with the disc for twice as many
+        points per area, as long as several points lie below it. What is as narrow and low as a
+        vehicle then was one of a row. A disc smaller than for dense points also parts what only
+        looks like a roof: then most of a region must be left.
         """
         open_below = ground_seen(shapes, features) > SEEN
         if not open_below.any():
             return shapes
         smaller = lengths._replace(alpha=lengths.alpha * HALF_AS_DENSE)
-        if self.alpha is not None or smaller.alpha < (1 - ROUNDING) * ALPHA * features.cloud.metre:
-            log.info("%d regions have ground in between: no roofs", np.count_nonzero(open_below))
+        dense = (1 - ROUNDING) * ALPHA * features.cloud.metre
+        if self.alpha is not None or smaller.alpha < min(dense, BELOW_DISC * lengths.spacing):
             return shapes[~open_below]
         around = shapely.buffer(shapes[open_below], TOUCHING * features.cloud.metre)
         again = planes & Polygons.of(around).hold(features.xyz)  # their corners are points, too
         parts = self._regions(features, again, smaller, ctx)
         parts = parts[~as_narrow_and_low(parts, features)]
         parts = self._without_ground(features, planes, parts, smaller, ctx)
+        if smaller.alpha < dense:
+            parts = _most_of(parts, shapes[open_below])
         return np.concatenate([shapes[~open_below], parts])
 
     def _rows(
@@ -498,6 +509,13 @@ class ClassifyBuildings:
             rows, columns=[*names, "geometry"], geometry="geometry", crs=self.points.crs
         )
         return Vector(frame, geometry_type="Polygon")
+
+
+def _most_of(parts: Shapes, regions: Shapes) -> Shapes:
+    """Parts of regions that are most of one."""
+    part, region = shapely.STRtree(regions).query(parts, "intersects")[:2]
+    shared = shapely.area(shapely.intersection(parts[part], regions[region]))
+    return parts[np.unique(part[shared >= MOST * shapely.area(regions[region])])]
 
 
 def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIET) -> Mask:

@@ -336,6 +336,29 @@ def test_the_smallest_building_decides_about_the_shed() -> None:
     assert ClassifyBuildings(points=points, min_height=9.0).run().building_share == 0
 
 
+@pytest.mark.parametrize(("deep", "count"), [(8.0, 1), (13.0, 0)])
+def test_a_roof_with_open_courts_hides_the_ground_but_in_them(deep: float, count: int) -> None:
+    """In Williams a house of 205 m2 with two courts 2.5 m wide was lost, as the disc covers them.
+
+    Where the courts cut it through, strips of 3 m are left, as of stalls: no roof of one building.
+    """
+
+    points = village()
+    x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
+    inside = (abs(x - 15) < 9) & (abs(y - 12) < 6.5)
+    roof = inside & ~((x % 5.4 < 2.4) & (y > 18.5 - deep))
+    heights = np.where(inside, 100 + 0.02 * x, points.xyz[:, 2])
+    heights[roof] = 104 + np.random.default_rng(0).normal(0, 0.02, roof.sum())
+    classes = np.where(inside, np.where(roof, 1, 2), points["classification"]).astype(np.uint8)
+    made = points.with_xyz(np.column_stack([points.xyz[:, :2], heights]))
+    out = ClassifyBuildings(points=made.with_attributes({"classification": classes})).run()
+    assert (out.outlines.frame.geometry.area > 20).sum() == count
+    if count:
+        found = out.classified["classification"] == 6
+        assert found[roof].mean() > 0.97
+        assert found[inside & ~roof].mean() < 0.1
+
+
 def test_a_hedge_at_the_wall_is_not_in_the_outline() -> None:
     points = village()
     x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T

@@ -515,7 +515,7 @@ def _most_of(parts: Shapes, regions: Shapes) -> Shapes:
     """Parts of regions that are most of one."""
     part, region = shapely.STRtree(regions).query(parts, "intersects")[:2]
     shared = shapely.area(shapely.intersection(parts[part], regions[region]))
-    return parts[np.unique(part[shared >= MOST * shapely.area(regions[region])])]
+    return np.asarray(parts[np.unique(part[shared >= MOST * shapely.area(regions[region])])])
 
 
 def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIET) -> Mask:

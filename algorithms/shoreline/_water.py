@@ -31,9 +31,13 @@ from algorithms.shoreline._cells import (
 )
 from algorithms.shoreline._dikes import apart
 from algorithms.shoreline._evidence import (
+    BANK,
     DARK,
+    DROP,
     ENDS,
     LARGE,
+    LEVEL_ALONE,
+    STEP,
     WALL,
     Body,
     core_of,
@@ -64,6 +68,9 @@ NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shorel
 APART = BESIDE + NARROW  # cells: no water that could be told lies between two so close
 NEEDED = 100  # points of land that a water covers; of smaller ones most were lost
 FEWEST_POINTS = 50  # that tell water from land: as many as the smallest body would hold on land
+LOW_SHORE = 0.1  # share of land by a bright water that is at its level: dark waters have up to 0.04
+WALLED = 0.5  # share of its rim with points a wall above its level
+OVERGROWN = 0.5  # share of cells with points a wall above their lowest: dark waters have up to 0.16
 LISTED = 10  # bodies that are told of one by one
 IN_A_WARNING = 5  # places that one warning names
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
@@ -107,6 +114,7 @@ def find_water(
     found = _of_two_days(points, cells, found, first)
     ctx.progress(1.0)
     found = [_on_top(_uncovered(cells, water)) for water in found if not _is_road(cells, water)]
+    found = _doubted(cells, found)
     if not level_alone:
         found = _sure(cells, found)
     if not found:
@@ -281,6 +289,50 @@ def _is_road(cells: CellGrid, water: Water) -> bool:
     if not water.fall or body.few or "class" in body.evidence or not is_long(cells, body.cells):
         return False
     return not flows(cells, body.cells, _tilt(cells, water))
+
+
+def _doubted(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
+    """Waters, of which those that may be courts or woods are known by their level alone.
+
+    What returns its pulses is known by being level and dark. So is a square among houses, darker
+    than their roofs; but ground as low as it is close by, and would be under water but for the
+    houses. So is the ground of a wood, as crowns take their share of each pulse; water has hardly
+    anything above it.
+    """
+    wet = _wet(cells, found).ravel()
+    return [
+        replace(water, body=replace(water.body, evidence=LEVEL_ALONE))
+        if not water.body.few
+        and not water.fall
+        and "class" not in water.body.evidence
+        and (_is_among_walls(cells, water, wet) or _is_overgrown(cells, water.body))
+        else water
+        for water in found
+    ]
+
+
+def _is_among_walls(cells: CellGrid, water: Water, wet: NDArray[np.bool_]) -> bool:
+    """Whether walls or crowns are around a water, and land behind them is at its level.
+
+    A pond on a slope has lower land behind its dam, and flooded fields have dry ones beside, but
+    for low bunds.
+    """
+    width, body = math.ceil(BANK * cells.metre / cells.lattice.cell), water.body.cells
+    rim, land = around(cells.lattice, body, 1), around(cells.lattice, body, width + 1, 1)
+    land = land[(cells.count.ravel()[land] > 0) & ~wet[land]]
+    walls = cells.high.ravel()[rim] + cells.base - water.level.at(cells.centres(rim))
+    rise = cells.low.ravel()[land] + cells.base - water.level.at(cells.centres(land))
+    at_level = (rise > -DROP * cells.metre) & (rise < STEP * cells.metre)
+    return bool(
+        len(land) and (walls > WALL * cells.metre).mean() > WALLED and at_level.mean() > LOW_SHORE
+    )
+
+
+def _is_overgrown(cells: CellGrid, body: Body) -> bool:
+    """Whether points lie far above most of a place."""
+    some = body.cells[cells.count.ravel()[body.cells] > 0]
+    above = cells.high.ravel()[some] - cells.low.ravel()[some]
+    return bool(len(some) and (above > WALL * cells.metre).mean() > OVERGROWN)
 
 
 def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:

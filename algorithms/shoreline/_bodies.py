@@ -531,7 +531,11 @@ def _slopes(cells: CellGrid, where: Mask, spread: float, least: int) -> Iterator
 
 
 def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
-    """Cells at one level each, from patches that are calm or of a class of water."""
+    """Cells at one level each, from patches that are calm or of a class of water.
+
+    Where land far off is at the level of a lake, too, and water would run off from there, the lake
+    is most of the cells at that level: it is given alone as well.
+    """
     step = STEP * cells.metre
     for place in patches(where, least):
         rest = place
@@ -543,6 +547,9 @@ def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
             at = abs(heights - level) <= step
             if at.sum() >= least:
                 yield rest[at], level, LEVEL
+                for most in connected(cells.lattice, rest[at], max(least, at.sum() / 2)):
+                    if len(most) < at.sum():
+                        yield most, level, LEVEL
             rest = rest[~at]
 
 

@@ -1393,6 +1393,13 @@ def test_covered_water_has_the_lower_level_and_an_interval_up_to_the_other() -> 
     assert under_cover(near, metre=1.0) == near, "as flights on one day differ"
 
 
+def test_land_at_the_level_of_a_lake_far_off_does_not_hide_it() -> None:
+    """A hollow behind its bank is at its level, too, from where water would run off."""
+    made = waters.survey("reeds", 752)
+    water = only(extract(made.points, bodies="all"))
+    assert water.level == pytest.approx(made.waters[0].level, abs=water.level_interval)
+
+
 def square(wall: float, sunk: float = 0.0) -> PointCloud:
     """A dark and level square of 28 m, a wall of 12 m around it, and land at its level beyond.
 

@@ -192,7 +192,7 @@ def blocks_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int64]:
     return found
 
 
-def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
+def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
     """True for points near the terrain, and the confidence of that.
 
     Ground may lie above the terrain by the tolerance, which follows the scatter of the ground and
@@ -224,7 +224,7 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     np.False_
     """
     require_finite(xyz)
-    ground, confidence = np.empty(len(xyz), bool), np.empty(len(xyz))
+    ground, confidence = np.empty(len(xyz), bool), np.empty(len(xyz), np.float32)
     beside = np.empty(len(xyz), np.int32)
     at_ground = np.where(terrain.ground, terrain.lowest, np.float32(-np.inf))
     highest = np.where(terrain.ground, maximum_filter(at_ground, 3, mode="nearest"), -np.inf)

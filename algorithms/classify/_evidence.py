@@ -23,7 +23,6 @@ from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.kernels.sorting import sums_around
-from algorithms.shared.kernels.squares import one_of_each
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import ReturnNumbers, has_numbers, let_through
 from algorithms.shared.selection import of_classes
@@ -290,10 +289,9 @@ class PointFeatures:
             round(self.context / (VOXEL * metre), 6),  # whole metres stay whole in feet
             ctx=self.ctx.part(0.8, 1.0),
         )
-        means = np.full((len(values), len(ground)), np.nan)
-        for row, mean in zip(means, found.T, strict=True):
-            row[some] = mean
-        return dict(zip(values, _frozen(means), strict=True))
+        means = np.full((len(ground), len(values)), np.nan)
+        means[some] = found
+        return dict(zip(values, _frozen(means).T, strict=True))
 
 
 MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {
@@ -317,9 +315,8 @@ def in_some_squares(xyz: Floats, size: float, each: int) -> Mask:
     >>> in_some_squares(np.array([[1.0, 1], [1, 3], [5, 1]]), 2.0, 2).tolist()
     [True, False, True]
     """
-    found = np.empty(len(xyz), bool)
-    one_of_each(_frozen(xyz), each * size, 1 / each, found)
-    return found
+    east, north = (xyz[:, axis] / (each * size) for axis in (0, 1))
+    return np.asarray((east - np.floor(east) < 1 / each) & (north - np.floor(north) < 1 / each))
 
 
 def scatter_of(variance: NDArray[np.float32], count: NDArray[np.float32]) -> Floats:

@@ -160,9 +160,7 @@ class ClassifyUrban:
         features.warn_without_returns(self._without_returns)
         classes[part] = self._judged(features, lengths.spacing, ctx.part(0.9, 1.0))
         told = of_classes(classes[part], (*bare, int(WATER)))
-        found = np.ones(len(told))
-        found[~told] = clear(features, ~told)
-        confidence[part] = found
+        confidence[part] = np.where(told, 1.0, clear(features))
         ctx.progress(1.0)
         return self._packed(classes, confidence)
 
@@ -225,9 +223,9 @@ def sure(water: Vector) -> Vector:
     return Vector(frame[~doubtful], name=water.name, geometry_type=water.geometry_type)
 
 
-def clear(features: _evidence.PointFeatures, some: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Contrast between the evidence for vegetation and for buildings, 0 to 1, of some points."""
-    flat = features.around["planarity"][some] / _evidence.ON_PLANES
-    torn = features.around["returns"][some] / _evidence.LET_THROUGH
+def clear(features: _evidence.PointFeatures) -> NDArray[np.float64]:
+    """Contrast between the evidence for vegetation and for buildings, 0 to 1, shape (n,)."""
+    flat = features.around["planarity"] / _evidence.ON_PLANES
+    torn = features.around["returns"] / _evidence.LET_THROUGH
     total = flat + torn
     return np.asarray(np.abs(flat - torn) / np.where(total > 0, total, 1.0))

@@ -80,8 +80,8 @@ ENOUGH = 2.0  # points in a window
 STIFF_COARSE, STIFF = 0.25, 1.0  # how much a plane resists to tilt
 ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
 # Known ground has mistakes where more than this share of the cells within RELIEF stands out by so
-# many metres, each with ground in less than half of the cells around. In real surveys it is 0.002
-# where classes are right, and more in half to all places with a fiftieth of all points drawn.
+# many metres, each with ground in less than half of the cells around. Towns with right classes have
+# no such place, and are such places all over with a two-hundredth of all points called ground.
 MISTAKEN, OUT_OF_LINE = 0.003, 1.0
 SCATTERED = 5, 0.5  # cells, side of the window around one; share of them
 TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times

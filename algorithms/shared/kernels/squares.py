@@ -33,14 +33,6 @@ def _whole(value, size):
 
 
 @kernel
-def one_of_each(xyz, size, share, found):
-    """Whether each point lies in the south-western part of its square, `share` of it each way."""
-    for i in range(len(xyz)):
-        east, north = xyz[i, 0] / size, xyz[i, 1] / size
-        found[i] = east - np.floor(east) < share and north - np.floor(north) < share
-
-
-@kernel
 def shared_by_two(above, blocks, reach, width, lower, upper):
     """Add each height to the classes of its block whose middles are below and above it.
 

@@ -27,7 +27,7 @@ from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import ReturnNumbers, has_numbers, let_through
 from algorithms.shared.selection import of_classes
 from algorithms.shared.terrain import HALO as GROUND_HALO
-from algorithms.shared.terrain import ROUNDS, find_terrain, height_above, verdict
+from algorithms.shared.terrain import find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, nearest
@@ -116,11 +116,10 @@ class PointFeatures:
             if HEIGHT in cloud:
                 return ground, given_heights(cloud)
             bare, metre = _frozen(self.xyz.compress(ground, axis=0)), cloud.metre
-            # A hundredth of roofs and plants may be called ground: so as many rounds as else.
             found = ctx.once(
                 "terrain",
                 (bare, metre),
-                lambda: find_terrain(bare, known=True, rounds=ROUNDS, metre=metre, ctx=ctx),
+                lambda: find_terrain(bare, known=True, mistakes=True, metre=metre, ctx=ctx),
             )
             return ground, height_above(self.xyz, found)
         candidates = Candidates.of(cloud)

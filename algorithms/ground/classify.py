@@ -18,7 +18,7 @@ from toolbox.data import PointCloud, Raster
 from toolbox.data.crs import vertical_unit
 from toolbox.declare import ClassList, Memory, outputs, param, sink, source, tool
 
-Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 
 @tool(
@@ -88,7 +88,7 @@ class GroundClassify:
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore, self.keep_classes)
         if not candidates.chosen.any():
-            none = self._classified(candidates, NOWHERE, np.zeros(0), None)
+            none = self._classified(candidates, NOWHERE, np.zeros(0, np.float32), None)
             raise candidates.nothing_to_do(none, surface=None)
         terrain = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx.part(0, 0.95))
         ground, clear = verdict(candidates.xyz, terrain)
@@ -109,13 +109,13 @@ class GroundClassify:
         )
 
     def _classified(
-        self, candidates: Candidates, ground: Mask, clear: Floats, terrain: Terrain | None
+        self, candidates: Candidates, ground: Mask, clear: Singles, terrain: Terrain | None
     ) -> PointCloud:
         """The cloud with classes, confidence and, if asked for, heights above the ground."""
         cloud = candidates.cloud
-        confidence = np.where(candidates.part, 1.0, 0.0)
+        confidence = candidates.part.astype(np.float32)
         confidence[candidates.chosen] = clear
-        made = {"confidence": confidence.astype(np.float32)}
+        made = {"confidence": confidence}
         told = {"confidence": "0 doubtful to 1 clear; 0 where a point took no part"}
         if self.heights:
             above = np.full(len(cloud), np.nan)

@@ -162,6 +162,8 @@ def hidden_share(xyz: Floats, ground: Mask, squares: Ints, metre: float) -> floa
     if not ground.any():
         return 0.0
     counts, top = tops(squares, ground, xyz, int(squares.max()) + 1)
+    others = np.bincount(squares, minlength=len(counts)) - counts
+    top[others < TIMES * counts] = np.inf  # too few to hide it, in whatever layers they are
     above, layers = layers_above(squares, xyz, top, metre, CLEAR, LAYER)
     span = int(layers.max(initial=0)) + 1
     found, points = counted(above * span + layers)

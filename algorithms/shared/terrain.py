@@ -79,6 +79,11 @@ BENDING = ((0, 3.0), (0, 1.5), (0, 1.0))  # what follows the edges that are know
 ENOUGH = 2.0  # points in a window
 STIFF_COARSE, STIFF = 0.25, 1.0  # how much a plane resists to tilt
 ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
+# Known ground has mistakes where more than this share of the cells within RELIEF stands out by so
+# many metres, each with ground in less than half of the cells around. Towns with right classes have
+# no such place, and are such places all over with a two-hundredth of all points called ground.
+MISTAKEN, OUT_OF_LINE = 0.003, 1.0
+SCATTERED = 5, 0.5  # cells, side of the window around one; share of them
 TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times
 HALO = 200.0  # metres
 BYTES_PER_CELL = 115  # at most at one time; sections of cells and their borders take most
@@ -125,7 +130,7 @@ def find_terrain(
     xyz: Floats,
     *,
     known: bool = False,
-    rounds: int | None = None,
+    mistakes: bool = False,
     metre: float = 1.0,
     ctx: Context = QUIET,
 ) -> Terrain:
@@ -135,7 +140,8 @@ def find_terrain(
     ----------
     xyz : array of shape (n, 3)
     known : whether all of them are ground, so that none stands out, which takes a fifth of the time
-    rounds : how often what stands out loses weight; ROUNDS, or ROUNDS_KNOWN of known ground
+    mistakes : whether some of known ground may be none, as where classes are wrong; where many
+        stand out, it is looked for as if it were not known
     metre : length of one metre in the unit of the points
     ctx : progress and cancellation
 
@@ -164,9 +170,7 @@ def find_terrain(
     use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0.0, 0.1))
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
-    candidates = np.isfinite(z) if known else ground_cells(z, ctx.part(0.15, 0.7))
-    rounds = rounds or (ROUNDS_KNOWN if known else ROUNDS)
-    heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 0.9), rounds=rounds)
+    candidates, heights = through_ground(z, ctx.part(0.15, 0.9), known=known, mistakes=mistakes)
     share = share_with_points(z)
     ground = near_surface(z, candidates, heights)
     ground |= taken_back(z, ground, candidates & ~ground, share, ctx.part(0.9, 0.95))
@@ -185,6 +189,49 @@ def find_terrain(
     return terrain
 
 
+def through_ground(
+    z: Cells, ctx: Context, *, known: bool, mistakes: bool
+) -> tuple[NDArray[np.bool_], Floats]:
+    """The cells whose lowest point may be ground, and the robust surface through these.
+
+    For the others see :func:`find_terrain`.
+    """
+    has = doubted = np.isfinite(z)
+    rounds = ROUNDS_KNOWN if known and not mistakes else ROUNDS
+    if known:
+        heights = robust_surface(z, has, FINE, STIFF, ctx.part(0.0, 0.25), rounds=rounds)
+        if not mistakes or not (doubted := among_mistaken(z, heights)).any():
+            return has, heights
+    candidates = has & (ground_cells(z, ctx.part(0.25 if known else 0.0, 0.75)) | ~doubted)
+    surface = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.75, 1.0), rounds=rounds)
+    return candidates, surface
+
+
+def among_mistaken(z: Cells, surface: Floats) -> NDArray[np.bool_]:
+    """True for cells of known ground with many around that stand out of the surface through all.
+
+    A mound or a quay stands out, too, but has ground in all its cells: it is none of a mistake.
+
+    >>> z = np.full((300, 200), np.nan, np.float32)
+    >>> z[::3], z[:150:6] = 0.0, 4.0
+    >>> among_mistaken(z, np.zeros(z.shape))[[0, -3], 0].tolist()
+    [True, False]
+    """
+    has, out = np.isfinite(z), z - surface > OUT_OF_LINE
+    if not out.any():
+        return out
+    side, full = SCATTERED
+    out &= _share_around(has, side) < full
+    return has & (
+        _share_around(out, 2 * RELIEF + 1) > MISTAKEN * _share_around(has, 2 * RELIEF + 1)
+    )
+
+
+def _share_around(cells: NDArray[np.bool_], side: int) -> Floats:
+    """Share of the cells in the window around each that are true; there are none beyond the end."""
+    return np.asarray(uniform_filter(cells.astype(np.float64), side, mode="constant"))
+
+
 def blocks_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int64]:
     """The block of 8 x 8 cells of each point, counted row by row."""
     found = np.empty(len(xyz), np.int64)
@@ -192,7 +239,7 @@ def blocks_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int64]:
     return found
 
 
-def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
+def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
     """True for points near the terrain, and the confidence of that.
 
     Ground may lie above the terrain by the tolerance, which follows the scatter of the ground and
@@ -224,7 +271,7 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     np.False_
     """
     require_finite(xyz)
-    ground, confidence = np.empty(len(xyz), bool), np.empty(len(xyz))
+    ground, confidence = np.empty(len(xyz), bool), np.empty(len(xyz), np.float32)
     beside = np.empty(len(xyz), np.int32)
     at_ground = np.where(terrain.ground, terrain.lowest, np.float32(-np.inf))
     highest = np.where(terrain.ground, maximum_filter(at_ground, 3, mode="nearest"), -np.inf)

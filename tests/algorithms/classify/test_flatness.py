@@ -182,13 +182,14 @@ def test_what_classes_call_ground_is_ground_where_it_is_raised_on_all_sides() ->
     assert abs(height[middle]).max() < 1
 
 
-def test_heights_bear_a_hundredth_of_roofs_and_plants_that_are_called_ground() -> None:
+@pytest.mark.parametrize("share", [0.01, 0.05])
+def test_heights_bear_some_roofs_and_plants_that_are_called_ground(share: float) -> None:
     scene = SamplesScene(kind="town", size=100.0, density=8.0, seed=10).run().points
     truth = scene["classification"]
-    wrong = (truth >= 3) & (np.random.default_rng(0).random(len(truth)) < 0.01)
+    wrong = (truth >= 3) & (np.random.default_rng(0).random(len(truth)) < share)
     called = scene.with_attributes({"classification": np.where(wrong, 2, truth).astype(np.uint8)})
     right, height = (
         PointFeatures(points, 1.0, 3.0, ground_classes=(2,)).terrain[1]
         for points in (scene, called)
     )
-    assert np.quantile(abs(height - right)[truth == 6], 0.95) < 0.05
+    assert np.quantile(abs(height - right)[truth == 6], 0.99) < 0.02

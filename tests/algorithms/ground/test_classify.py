@@ -918,6 +918,33 @@ def test_terrain_of_known_ground_is_that_found_among_all() -> None:
     assert (known.tolerance.max(axis=(1, 2)) == known.tolerance.min(axis=(1, 2))).all()
 
 
+@pytest.mark.parametrize(
+    ("metres", "out", "rows", "mistaken"),
+    [(1.1, 8, 4, True), (1.1, 7, 4, False), (0.9, 90, 4, False), (1.1, 90, 2, False)],
+)
+def test_known_ground_is_doubted_where_much_of_it_stands_out_alone(
+    metres: float, out: int, rows: int, mistaken: bool
+) -> None:
+    z = np.full((101, 400), np.nan, np.float32)
+    z[:100:rows, :100] = z[:100:rows, 300:] = 0  # in 2,500 cells, or in more than half of all
+    z[40, 5 : 5 + out] = metres
+    found = finding.among_mistaken(z, np.zeros(z.shape))
+    assert found[48, 50] == mistaken
+    assert not found[:, 300:].any()
+    assert not found[np.isnan(z)].any()
+
+
+def test_only_what_stands_out_of_known_ground_with_mistakes_is_taken_out() -> None:
+    z = np.full((208, 304), np.nan, np.float32)
+    z[::3] = 0
+    z[::30, 5::10] = 4
+    known, _ = finding.through_ground(z, QUIET, known=True, mistakes=False)
+    assert (known == np.isfinite(z)).all()
+    found, surface = finding.through_ground(z, QUIET, known=True, mistakes=True)
+    assert (found == (z == 0)).all()
+    assert np.nanmax(abs(surface)) < 0.01
+
+
 # Raised sections -----------------------------------------------------------------------------
 
 

@@ -216,7 +216,7 @@ def test_a_line_of_any_length_has_a_whole_number_of_bins(together: int) -> None:
         alignment = Alignment.of([Piece(np.zeros(0, np.int64), along)])
         assert alignment.steps <= 1000
         assert alignment.step * alignment.steps >= length + 2 - 1e-9  # a metre beyond both ends
-        assert len(binned(corridor, replace(alignment, pieces=[]), together, 0.0).u) == math.ceil(
+        assert len(binned(corridor, alignment, [], together, 0.0).u) == math.ceil(
             alignment.steps / together
         )
 

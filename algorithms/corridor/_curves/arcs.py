@@ -420,19 +420,31 @@ def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_], see
     In a long span with many points it is significant how wires wander, and a cut would mend it; and
     the top of a tree among wires looks like an arm, its trunk like a pole. But there they do not
     bend: no bend at all is a hundred times as likely as one between two spans, and more than `seen`
-    tells of an arm there, or, where it is `bare` of what looks like a support, they hardly do.
+    tells of an arm there, or, where it is `bare` of what looks like a support, they hardly do. Such
+    a cut must also be likelier than none, if the line has a span as long without it.
     """
     least, enough = SETTINGS.arcs.least_kink, seen / 2 - math.log(SETTINGS.sparse.false_alarms)
     while len(edges) > 2:
         kinks, sigmas = np.array([kink(bins, *three, bend) for three in threes(edges)]).T
-        straight = np.maximum(straightness(kinks, sigmas), 1e-9)
-        bends = enough[edges[1:-1]] / straight
+        straight = straightness(kinks, sigmas)
+        bends = enough[edges[1:-1]] / np.maximum(straight, 1e-9)
         bends = np.where(bare[edges[1:-1]], np.minimum(bends, np.abs(kinks) / least), bends)
+        spare = bare[edges[1:-1]] & is_known_length(edges) & (straight >= 0)
+        bends = np.where(spare, np.minimum(bends, np.exp(-np.abs(straight))), bends)
         worst = int(np.argmin(bends))
-        if bends[worst] >= 1:
+        if bends[worst] > 1:
             break
         edges = np.delete(edges, worst + 1)
     return edges
+
+
+def is_known_length(edges: Ints) -> NDArray[np.bool_]:
+    """At which inner edges both spans together are no longer than another one of the line."""
+    spans = np.diff(edges)
+    numbers = np.arange(len(spans))
+    others = (numbers < numbers[:-1, None]) | (numbers > numbers[:-1, None] + 1)
+    longest = np.where(others, spans, 0).max(axis=1, initial=0)
+    return np.asarray(spans[:-1] + spans[1:] <= longest)
 
 
 def straightness(kinks: Floats, sigmas: Floats) -> Floats:

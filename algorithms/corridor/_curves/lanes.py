@@ -22,6 +22,8 @@ from algorithms.corridor._curves.tracks import Alignment, abreast, chained
 from algorithms.corridor._settings import SETTINGS
 from toolbox.context import Context
 
+ARC_PARAMETERS = 3  # of the height of an arc: value, slope and curvature
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -108,6 +110,12 @@ def lanes_of(corridor: Corridor, tracks: Sequence[Floats]) -> Lanes | None:
     return Lanes.of([in_order(track) for track in tracks])
 
 
+def fit_anything(tracks: Sequence[Floats]) -> bool:
+    """Whether tracks have fewer points on the shortest span than an arc has parameters."""
+    length = sum(float(np.ptp(track[:, 0])) for track in tracks)
+    return sum(map(len, tracks)) * SETTINGS.arcs.shortest_span < ARC_PARAMETERS * length
+
+
 def in_order(track: Floats) -> Floats:
     """A track in the order of its chainages."""
     return np.asarray(track[np.argsort(track[:, 0], kind="stable")])
@@ -186,14 +194,16 @@ def followed(
     source, lane = source[air.order], lane[air.order]
     half_width = 2 * SETTINGS.lanes.wander
     may = corridor.may[source] & (np.abs(air.xyz[:, 1]) < half_width)
-    wide = math.hypot(corridor.tolerance, half_width)  # points scatter, and wires wander
+    few, wide = fit_anything(alignment.tracks(corridor)), corridor.tolerance
+    if few:  # all are needed: points scatter, and wires wander
+        wide = math.hypot(wide, half_width)
     one = Corridor(air, corridor.height[source], may, wide, corridor.ground, corridor.seen)
     wire, lane = (np.cumsum(corridor.may) - 1)[source[may]], lane[may]
     _, voxel = uncrowded(one.wires, SETTINGS.lanes.sparse)
     curves = trace_all(one.wires, voxel, tolerance=wide, max_gap=max_gap, ctx=ctx)
     pieces = curves_of(one, curves)
     pieces = [p for p in pieces if p.sure or p.curve.length > SETTINGS.curves.sure_length]
-    pieces += sparse_wires(one, pieces, ctx)
+    pieces += sparse_wires(one, pieces, ctx) if few else []
     taken = np.zeros(len(corridor.wires.xyz), bool)
     found = []
     for piece in sorted(pieces, key=lambda p: -len(p.points)):

@@ -20,7 +20,13 @@ from algorithms.corridor._curves.arcs import (
     tracks_at,
 )
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._curves.lanes import Lanes, followed_together, in_order, pieces_in
+from algorithms.corridor._curves.lanes import (
+    Lanes,
+    fit_anything,
+    followed_together,
+    in_order,
+    pieces_in,
+)
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.sparse import groups, in_sheets, lonely
 from algorithms.corridor._curves.trace import Airborne
@@ -278,6 +284,7 @@ def aligned(wires: Sequence[Floats], until: float = POLES[-1]) -> tuple[Corridor
 def test_sparse_wires_tell_together_where_they_are_held(seed: int) -> None:
     """Through the points of each, an arc over two spans fits as well."""
     corridor, alignment = aligned(sparse_line(seed))
+    assert fit_anything(alignment.tracks(corridor))
     alone = cuts_of(corridor, alignment, alignment.tracks(corridor))[0]
     (line,) = lines_with_cuts(corridor, alignment)
     assert len(alone) < 4
@@ -286,6 +293,7 @@ def test_sparse_wires_tell_together_where_they_are_held(seed: int) -> None:
 
 def test_wires_with_enough_points_tell_each_for_itself_where_they_are_held() -> None:
     corridor, alignment = aligned([np.vstack([own] * 3) for own in sparse_line(1000)])
+    assert not fit_anything(alignment.tracks(corridor))
     assert cut_together(corridor, alignment, alignment, np.zeros(0)) is None
     assert cut_together(corridor, alignment, alignment, np.array(POLES[1:-1])) is None
 

@@ -22,8 +22,6 @@ from algorithms.corridor._curves.tracks import Alignment, abreast, chained
 from algorithms.corridor._settings import SETTINGS
 from toolbox.context import Context
 
-ARC_PARAMETERS = 3  # of the height of an arc: value, slope and curvature
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -111,9 +109,9 @@ def lanes_of(corridor: Corridor, tracks: Sequence[Floats]) -> Lanes | None:
 
 
 def fit_anything(tracks: Sequence[Floats]) -> bool:
-    """Whether tracks have fewer points on the shortest span than an arc has parameters."""
+    """Whether tracks have fewer than three points on the shortest span, as many as arcs need."""
     length = sum(float(np.ptp(track[:, 0])) for track in tracks)
-    return sum(map(len, tracks)) * SETTINGS.arcs.shortest_span < ARC_PARAMETERS * length
+    return sum(map(len, tracks)) * SETTINGS.arcs.shortest_span < 3 * length
 
 
 def in_order(track: Floats) -> Floats:

@@ -126,7 +126,9 @@ class Curves:
     isolated_share: float = tried(
         0.55, "1", "share of a curve with points, and nothing around it, of a sure wire"
     )
-    isolated_points: int = unlikely(15, "points", "of such a wire")
+    isolated_points: int = unlikely(
+        15, "points", "of such a wire; with fewer on an arc it does not tell alone where it is held"
+    )
     hanger_depth: float = built(
         5.0, "m", "depth of what hangs from a curve, and step along it for which that is counted"
     )

@@ -28,6 +28,7 @@ from scipy.ndimage import maximum_filter1d
 from algorithms.corridor._curves import arcs_kernels as kernels
 from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.hardware import hardware
+from algorithms.corridor._curves.lanes import lanes_of
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.corridor._settings import SETTINGS
@@ -82,10 +83,11 @@ def lines_with_cuts(corridor: Corridor, alignment: Alignment) -> Iterator[Alignm
     Lines that run beside each other have supports of their own: there they are cut apart.
     """
     certain = [piece for piece in alignment.pieces if is_certain(corridor, alignment, piece)]
-    tracks = replace(alignment, pieces=certain or alignment.pieces)
-    cuts, sigmas, coarse, bend = cuts_of(corridor, tracks)
-    between = parting(corridor, tracks, coarse, bend) if len(cuts) else None
+    telling = replace(alignment, pieces=certain or alignment.pieces)
+    cuts, sigmas, coarse, bend = cuts_of(corridor, telling, telling.tracks(corridor))
+    between = parting(corridor, telling, coarse, bend) if len(cuts) else None
     if between is None:
+        cuts, sigmas = cut_together(corridor, alignment, telling, cuts) or (cuts, sigmas)
         yield replace(alignment, cuts=cuts, sigmas=sigmas)
         return
     left = [offset_of(corridor, alignment, piece) > between for piece in alignment.pieces]
@@ -94,6 +96,30 @@ def lines_with_cuts(corridor: Corridor, alignment: Alignment) -> Iterator[Alignm
             piece for piece, is_left in zip(alignment.pieces, left, strict=True) if is_left == side
         ]
         yield from lines_with_cuts(corridor, replace(alignment, pieces=own))
+
+
+def cut_together(
+    corridor: Corridor, alignment: Alignment, telling: Alignment, cuts: Floats
+) -> tuple[Floats, Floats] | None:
+    """Cuts of sparse wires by all of them as one, and standard deviations; None for others.
+
+    Arcs through a few points of one wire fit anything, also two spans as one. But the wires of a
+    span hang in one shape.
+
+    Parameters
+    ----------
+    telling : the same with the tracks by which it was cut
+    cuts : chainages found by each of these for itself
+    """
+    own = telling.tracks(corridor)
+    seen = sum(map(len, own)) / sum(float(np.ptp(track[:, 0])) for track in own)
+    usual = alignment.step * alignment.steps / (len(cuts) + 1)
+    if seen * usual >= SETTINGS.curves.isolated_points:
+        return None
+    sure = replace(alignment, pieces=[piece for piece in alignment.pieces if piece.sure])
+    tracks = sure.tracks(corridor)
+    lanes = lanes_of(corridor, tracks)
+    return cuts_of(corridor, sure, lanes.as_one(tracks))[:2] if lanes else None
 
 
 def parting(corridor: Corridor, alignment: Alignment, bins: Binned, bend: float) -> float | None:
@@ -165,23 +191,27 @@ def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) 
             yield replace(piece, points=points, curve=curve, arc=(number, k))
 
 
-def binned(corridor: Corridor, alignment: Alignment, together: int, wander: float) -> Binned:
+def binned(
+    corridor: Corridor,
+    alignment: Alignment,
+    tracks: Sequence[Floats],
+    together: int,
+    wander: float,
+) -> Binned:
     """Mean chainage, height and offset of the points of each track in each bin, with weights.
 
     A bin is `together` bins of the alignment, which are counted and not measured: a quotient of
     lengths may come out a little above a whole number, and would have one bin too many.
     """
     step, steps = together * alignment.step, math.ceil(alignment.steps / together)
-    bins = Binned(step, *(np.zeros((steps, len(alignment.pieces))) for _ in range(5)))
-    for k, piece in enumerate(alignment.pieces):
-        xyz = corridor.wires.xyz[piece.points]
-        u, v = alignment.along(xyz)
+    bins = Binned(step, *(np.zeros((steps, len(tracks))) for _ in range(5)))
+    for k, (u, v, z) in enumerate(track.T for track in tracks):
         cell = np.clip((u / step).astype(np.int64), 0, steps - 1)
         count = np.maximum(np.bincount(cell, minlength=steps), 1e-9)
-        for table, values in ((bins.u, u), (bins.z, xyz[:, 2]), (bins.v, v)):
+        for table, values in ((bins.u, u), (bins.z, z), (bins.v, v)):
             table[:, k] = np.bincount(cell, values, steps) / count
         for table, values, blur in (
-            (bins.tall, xyz[:, 2], wander * math.sqrt(SETTINGS.arcs.wander_length / step)),
+            (bins.tall, z, wander * math.sqrt(SETTINGS.arcs.wander_length / step)),
             (bins.flat, v, SETTINGS.lanes.wander),
         ):
             variance = scatter(u, values) ** 2
@@ -213,16 +243,22 @@ def scatter(u: Floats, z: Floats) -> float:
     return max(float(usual) / (0.6745 * math.sqrt(1.5)), SETTINGS.arcs.least_scatter)
 
 
-def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, Binned, float]:
+def cuts_of(
+    corridor: Corridor, alignment: Alignment, tracks: Sequence[Floats]
+) -> tuple[Floats, Floats, Binned, float]:
     """Chainages of an alignment at which supports hold its wires, and their standard deviations.
 
     With them come coarse bins, and the curvature that the arcs have in common. How far the wires
     wander from their arcs is learned from these. The more they do, the more a cut must mend, so
     that there are fewer arcs, from which they may wander more.
+
+    Parameters
+    ----------
+    tracks : by which its wires are cut; lanes may be one
     """
     chainages = chainages_of(alignment)
     wander = SETTINGS.arcs.least_wander
-    seen = binned(corridor, alignment, 1, wander)
+    seen = binned(corridor, alignment, alignment.tracks(corridor), 1, wander)
     arms, poles = hardware(corridor, alignment, seen.tracks(), chainages)
     own_arms = at_edges(arms)
     arms[at_known_supports(corridor, alignment, chainages)] = math.inf
@@ -231,9 +267,9 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Floats, B
     if corridor.tolerance <= SETTINGS.sparse.stack_tolerance:  # their tracks change over
         at_arms = np.where(at_poles >= SETTINGS.arcs.certain_arm, math.inf, at_arms)
     while True:
-        coarse = binned(corridor, alignment, SETTINGS.arcs.coarse_bins, wander)
+        coarse = binned(corridor, alignment, tracks, SETTINGS.arcs.coarse_bins, wander)
         bend = usual_bend(coarse)
-        fine = binned(corridor, alignment, 1, wander)
+        fine = binned(corridor, alignment, tracks, 1, wander)
         edges = edges_of(fine, bend, at_arms, at_poles, own_arms)
         learned = wander_of(fine, edges, bend)
         if learned <= SETTINGS.arcs.wander_margin * wander:
@@ -247,7 +283,8 @@ def settled_at(
 ) -> tuple[Floats, Floats]:
     """Cuts of an alignment, moved to where arcs meet and supports show, and their deviations."""
     chainages = chainages_of(alignment)
-    seen = binned(corridor, alignment, 1, SETTINGS.arcs.least_wander)
+    tracks = alignment.tracks(corridor)
+    seen = binned(corridor, alignment, tracks, 1, SETTINGS.arcs.least_wander)
     arms, poles = hardware(corridor, alignment, seen.tracks(), chainages)
     inner = np.unique(np.round(cuts / alignment.step).astype(np.int64))
     inner = inner[(inner > 1) & (inner < alignment.steps - 1)]
@@ -383,19 +420,31 @@ def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_], see
     In a long span with many points it is significant how wires wander, and a cut would mend it; and
     the top of a tree among wires looks like an arm, its trunk like a pole. But there they do not
     bend: no bend at all is a hundred times as likely as one between two spans, and more than `seen`
-    tells of an arm there, or, where it is `bare` of what looks like a support, they hardly do.
+    tells of an arm there, or, where it is `bare` of what looks like a support, they hardly do. Such
+    a cut must also be likelier than none, if the line has a span as long without it.
     """
     least, enough = SETTINGS.arcs.least_kink, seen / 2 - math.log(SETTINGS.sparse.false_alarms)
     while len(edges) > 2:
         kinks, sigmas = np.array([kink(bins, *three, bend) for three in threes(edges)]).T
-        straight = np.maximum(straightness(kinks, sigmas), 1e-9)
-        bends = enough[edges[1:-1]] / straight
+        straight = straightness(kinks, sigmas)
+        bends = enough[edges[1:-1]] / np.maximum(straight, 1e-9)
         bends = np.where(bare[edges[1:-1]], np.minimum(bends, np.abs(kinks) / least), bends)
+        spare = bare[edges[1:-1]] & is_known_length(edges) & (straight >= 0)
+        bends = np.where(spare, np.minimum(bends, np.exp(-np.abs(straight))), bends)
         worst = int(np.argmin(bends))
-        if bends[worst] >= 1:
+        if bends[worst] > 1:
             break
         edges = np.delete(edges, worst + 1)
     return edges
+
+
+def is_known_length(edges: Ints) -> NDArray[np.bool_]:
+    """At which inner edges both spans together are no longer than another one of the line."""
+    spans = np.diff(edges)
+    numbers = np.arange(len(spans))
+    others = (numbers < numbers[:-1, None]) | (numbers > numbers[:-1, None] + 1)
+    longest = np.where(others, spans, 0).max(axis=1, initial=0)
+    return np.asarray(spans[:-1] + spans[1:] <= longest)
 
 
 def straightness(kinks: Floats, sigmas: Floats) -> Floats:

@@ -7,6 +7,7 @@ as many times denser, which is followed as any other.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import Corridor, Piece, curves_of
+from algorithms.corridor._curves.sparse import sparse_wires
 from algorithms.corridor._curves.trace import Airborne, trace_all, uncrowded
 from algorithms.corridor._curves.tracks import Alignment, abreast, chained
 from algorithms.corridor._settings import SETTINGS
@@ -66,6 +68,13 @@ class Lanes:
         aside, up = np.array(spots).T
         return cls(aside, up, own, u, v)
 
+    def as_one(self, tracks: Sequence[Floats]) -> list[Floats]:
+        """The tracks of which these are the lanes, those of lanes as one, moved to the first."""
+        places = zip(self.aside, self.up, self.own, strict=True)
+        moved = [tracks[j] - [0.0, aside, up] for aside, up, own in places for j in own]
+        grouped = {j for own in self.own for j in own}
+        return [np.vstack(moved), *(one for j, one in enumerate(tracks) if j not in grouped)]
+
     def middle(self, u: Floats) -> Floats:
         """Offset of the first lane from the axis at chainages, extrapolated beyond its ends."""
         offset = np.interp(u, self.u, self.v)
@@ -82,16 +91,27 @@ def followed_together(
 ) -> Alignment:
     """The alignment with tracks that were found by following all its wires at once."""
     for _ in range(SETTINGS.lanes.rounds):
-        tracks = [
-            in_order(alignment.track(corridor.wires.xyz[piece.points]))
-            for piece in alignment.pieces
-        ]
-        length = sum(float(np.ptp(track[:, 0])) for track in tracks)
-        lanes = Lanes.of(tracks) if sum(map(len, tracks)) < SETTINGS.lanes.sparse * length else None
+        lanes = lanes_of(corridor, alignment.tracks(corridor))
         if lanes is None:
             break
         alignment = Alignment.of(pieces_in(corridor, alignment, lanes, max_gap, ctx))
     return replace(alignment, pieces=chained(corridor, alignment))
+
+
+def lanes_of(corridor: Corridor, tracks: Sequence[Floats]) -> Lanes | None:
+    """The lanes of tracks with few points; None if these have more, or change over in stacks."""
+    if corridor.tolerance <= SETTINGS.sparse.stack_tolerance:
+        return None
+    length = sum(float(np.ptp(track[:, 0])) for track in tracks)
+    if sum(map(len, tracks)) >= SETTINGS.lanes.sparse * length:
+        return None
+    return Lanes.of([in_order(track) for track in tracks])
+
+
+def fit_anything(tracks: Sequence[Floats]) -> bool:
+    """Whether tracks have fewer than three points on the shortest span, as many as arcs need."""
+    length = sum(float(np.ptp(track[:, 0])) for track in tracks)
+    return sum(map(len, tracks)) * SETTINGS.arcs.shortest_span < 3 * length
 
 
 def in_order(track: Floats) -> Floats:
@@ -170,16 +190,18 @@ def followed(
     source, lane, places = moved(corridor, alignment, lanes)
     air = Airborne.of(places)
     source, lane = source[air.order], lane[air.order]
-    may = corridor.may[source] & (np.abs(air.xyz[:, 1]) < 2 * SETTINGS.lanes.wander)
-    one = Corridor(
-        air, corridor.height[source], may, corridor.tolerance, corridor.ground, corridor.seen
-    )
+    half_width = 2 * SETTINGS.lanes.wander
+    may = corridor.may[source] & (np.abs(air.xyz[:, 1]) < half_width)
+    few, wide = fit_anything(alignment.tracks(corridor)), corridor.tolerance
+    if few:  # all are needed: points scatter, and wires wander
+        wide = math.hypot(wide, half_width)
+    one = Corridor(air, corridor.height[source], may, wide, corridor.ground, corridor.seen)
     wire, lane = (np.cumsum(corridor.may) - 1)[source[may]], lane[may]
     _, voxel = uncrowded(one.wires, SETTINGS.lanes.sparse)
-    curves = trace_all(one.wires, voxel, tolerance=corridor.tolerance, max_gap=max_gap, ctx=ctx)
-    pieces = [
-        p for p in curves_of(one, curves) if p.sure or p.curve.length > SETTINGS.curves.sure_length
-    ]
+    curves = trace_all(one.wires, voxel, tolerance=wide, max_gap=max_gap, ctx=ctx)
+    pieces = curves_of(one, curves)
+    pieces = [p for p in pieces if p.sure or p.curve.length > SETTINGS.curves.sure_length]
+    pieces += sparse_wires(one, pieces, ctx) if few else []
     taken = np.zeros(len(corridor.wires.xyz), bool)
     found = []
     for piece in sorted(pieces, key=lambda p: -len(p.points)):

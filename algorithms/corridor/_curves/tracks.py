@@ -79,6 +79,10 @@ class Alignment:
         """Chainage, offset to the left of the axis, and height of points, array of shape (n, 3)."""
         return np.column_stack([*self.along(xyz), xyz[:, 2]])
 
+    def tracks(self, corridor: Corridor) -> list[Floats]:
+        """The tracks of all its curves."""
+        return [self.track(corridor.wires.xyz[piece.points]) for piece in self.pieces]
+
 
 def alignments_among(corridor: Corridor, curves: Sequence[Piece]) -> Iterator[Alignment]:
     """Alignments from curves, each with one track per wire."""
@@ -164,9 +168,7 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
     Of a line of a single wire each track is one of it, also behind a long gap.
     """
     chains: list[tuple[Piece, Floats]] = []  # with chainages, offsets and heights
-    tracks = [
-        (piece, alignment.track(corridor.wires.xyz[piece.points])) for piece in alignment.pieces
-    ]
+    tracks = list(zip(alignment.pieces, alignment.tracks(corridor), strict=True))
     single = not any(
         abreast(one, other) for (_, one), (_, other) in itertools.combinations(tracks, 2)
     )

@@ -324,9 +324,10 @@ def hung(
     corridor: Corridor, traced: Sequence[Piece], max_gap: float, ctx: Context
 ) -> tuple[list[Wire], Sequence[Support]]:
     """The conductors of all spans, and their supports, at the tolerance of the corridor."""
-    found = list(alignments_among(corridor, traced))
-    if corridor.tolerance > SETTINGS.sparse.stack_tolerance:  # else lanes are not told apart
-        found = [followed_together(corridor, one, max_gap, ctx.part(0.0, 0.0)) for one in found]
+    found = [
+        followed_together(corridor, one, max_gap, ctx.part(0.0, 0.0))
+        for one in alignments_among(corridor, traced)
+    ]
     arcs, alignments = arcs_of(corridor, found)
     pieces = wires_among(corridor, arcs)
     ctx.progress(0.5)

@@ -216,7 +216,7 @@ def test_a_line_of_any_length_has_a_whole_number_of_bins(together: int) -> None:
         alignment = Alignment.of([Piece(np.zeros(0, np.int64), along)])
         assert alignment.steps <= 1000
         assert alignment.step * alignment.steps >= length + 2 - 1e-9  # a metre beyond both ends
-        assert len(binned(corridor, replace(alignment, pieces=[]), together, 0.0).u) == math.ceil(
+        assert len(binned(corridor, alignment, [], together, 0.0).u) == math.ceil(
             alignment.steps / together
         )
 
@@ -491,6 +491,35 @@ def test_no_support_is_where_wires_do_not_bend_unless_an_arm_is_seen_and_this_is
     bins = replace(bins, tall=np.full(heights.shape, weight))
     found = bending(bins, edges, 1 / 1500, np.full(901, bare), np.full(901, arm)).tolist()
     assert found == (edges.tolist() if kept else [0, 300, 600, 900])
+
+
+@pytest.mark.parametrize(
+    ("supports", "tree", "share", "bare", "kept"),
+    [
+        ((0, 60, 120, 180), 80, 0.1, True, False),
+        ((0, 60, 120, 180), 80, math.nan, True, False),
+        ((0, 60, 120, 180), 80, 0.1, False, True),
+        ((0, 60, 120, 180), 80, 0.6, True, True),
+        ((0, 40, 100, 140), 60, 0.1, True, True),
+    ],
+    ids=["as others", "not known", "seen as trees are", "bent", "longer than others"],
+)
+def test_a_span_as_long_as_others_is_parted_only_where_its_wires_rather_bend_than_not(
+    supports: tuple[int, ...], tree: int, share: float, bare: bool, kept: bool
+) -> None:
+    """Noisy wires of a span bend by a share of what they do at supports, or are not seen."""
+    bend, u = 1 / 400, np.arange(supports[-1]) + 0.5
+    arcs = [np.arange(b - a) + 0.5 - (b - a) / 2 for a, b in itertools.pairwise(supports)]
+    heights = 0.5 * bend * np.concatenate(arcs) ** 2
+    if not math.isnan(share):
+        heights -= share * 0.5 * 60 * bend * np.clip(u - tree, 0, None)
+    bins = arcs_of_tracks(np.column_stack([heights] * 3))
+    bins = replace(bins, tall=np.full(bins.u.shape, 2.0))
+    if math.isnan(share):
+        bins.tall[tree : tree + 40] = 0.0
+    every, edges = np.full(len(u) + 1, bare), np.array(sorted((*supports, tree)))
+    found = bending(bins, edges, bend, every, np.zeros(len(u) + 1))
+    assert found.tolist() == (edges.tolist() if kept else list(supports))
 
 
 @pytest.mark.parametrize("edges", [[0, 97, 118, 200], [0, 82, 103, 200]])

@@ -415,10 +415,10 @@ def test_wires_are_cut_at_a_support_that_is_known() -> None:
     assert curve is not None
     corridor = corridor_of(track)
     alignment = Alignment.of([Piece(np.arange(len(track)), curve)])
-    assert not len(cuts_of(corridor, alignment)[0])
+    assert not len(cuts_of(corridor, alignment, alignment.tracks(corridor))[0])
     for aside, cuts in ((0.5, [60.0]), (6.0, [])):
         known = replace(corridor, arms=np.array([[(60.0, aside - 1), (60.0, aside + 1)]]))
-        found = alignment.places(cuts_of(known, alignment)[0])
+        found = alignment.places(cuts_of(known, alignment, alignment.tracks(known))[0])
         np.testing.assert_allclose(found[:, 0], cuts, atol=SETTINGS.arcs.arm_half_width)
 
 
@@ -447,7 +447,7 @@ def test_a_support_seen_elsewhere_at_which_the_wires_surely_do_not_bend_is_a_tre
         assert curve is not None
         pieces.append(Piece(points, curve))
     alignment = Alignment.of(pieces)
-    cuts = alignment.places(cuts_of(corridor, alignment)[0])[:, 0]
+    cuts = alignment.places(cuts_of(corridor, alignment, alignment.tracks(corridor))[0])[:, 0]
     np.testing.assert_allclose(cuts, [60.0] if found else [], atol=1.0)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +12,21 @@ import shapely
 from scenes.corridors import CORNER, Floats, cloud, ground, pole, tree, wire
 from scipy.spatial import cKDTree
 
-from algorithms.corridor._curves.arcs import Binned, tracks_at
-from algorithms.corridor._curves.catenary import fit
-from algorithms.corridor._curves.lanes import Lanes, in_order, pieces_in
+from algorithms.corridor._curves.arcs import (
+    Binned,
+    cut_together,
+    cuts_of,
+    lines_with_cuts,
+    tracks_at,
+)
+from algorithms.corridor._curves.catenary import Catenary, fit
+from algorithms.corridor._curves.lanes import (
+    Lanes,
+    fit_anything,
+    followed_together,
+    in_order,
+    pieces_in,
+)
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.sparse import groups, in_sheets, lonely
 from algorithms.corridor._curves.trace import Airborne
@@ -234,6 +248,69 @@ def test_an_alignment_reaches_as_far_as_its_wires() -> None:
     along, _ = whole.along(xyz)
     assert along.min() > 0
     assert along.max() < whole.step * whole.steps
+
+
+POLES = (0.0, 62.0, 130.0, 190.0, 258.0, 320.0)  # metres along a line
+
+
+def sparse_line(seed: int) -> list[Floats]:
+    """Three wires 0.9 m apart with a point in twelve metres each, held at `POLES`."""
+    return [
+        np.vstack(
+            [
+                wire((a, y, 9.0), (b, y, 9.0), 600.0, 0.08, noise=0.08, seed=seed + int(a + y))[1]
+                for a, b in itertools.pairwise(POLES)
+            ]
+        )
+        for y in (9.1, 10.0, 10.9)
+    ]
+
+
+def aligned(wires: Sequence[Floats], until: float = POLES[-1]) -> tuple[Corridor, Alignment]:
+    """A corridor of wires, and what is known of them up to a chainage."""
+    air = Airborne.of(np.vstack(wires))
+    height = air.xyz[:, 2]
+    corridor = Corridor(air, height, height > 4, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    of_wire = np.repeat(np.arange(len(wires)), [len(own) for own in wires])[air.order]
+    pieces = []
+    for k in range(len(wires)):
+        points = np.flatnonzero((of_wire == k) & (air.xyz[:, 0] < until))
+        y = float(np.median(air.xyz[points, 1]))
+        pieces.append(Piece(points, Catenary(0.0, y, 1.0, 0.0, until, 9.0, 9.0, 1 / 3000)))
+    return corridor, Alignment.of(pieces)
+
+
+@pytest.mark.parametrize("seed", range(1000, 1005))
+def test_sparse_wires_tell_together_where_they_are_held(seed: int) -> None:
+    """Through the points of each, an arc over two spans fits as well."""
+    corridor, alignment = aligned(sparse_line(seed))
+    assert fit_anything(alignment.tracks(corridor))
+    alone = cuts_of(corridor, alignment, alignment.tracks(corridor))[0]
+    (line,) = lines_with_cuts(corridor, alignment)
+    assert len(alone) < 4
+    np.testing.assert_allclose(line.places(line.cuts)[:, 0], POLES[1:-1], atol=5.0)
+
+
+def test_wires_with_enough_points_tell_each_for_itself_where_they_are_held() -> None:
+    corridor, alignment = aligned([np.vstack([own] * 3) for own in sparse_line(1000)])
+    assert not fit_anything(alignment.tracks(corridor))
+    assert cut_together(corridor, alignment, alignment, np.zeros(0)) is None
+    assert cut_together(corridor, alignment, alignment, np.array(POLES[1:-1])) is None
+
+
+def test_sparse_wires_are_followed_together_over_their_supports() -> None:
+    """Of each two spans of five are known, two fifths of the points.
+
+    Fewer are found where points must be as near as those of a single wire, and none where points
+    are too few to be followed one after the other.
+    """
+    shares = []
+    for seed in range(1000, 1010):
+        corridor, alignment = aligned(sparse_line(seed), until=130.0)
+        found = followed_together(corridor, alignment, 30.0, QUIET)
+        points = np.unique(np.concatenate([piece.points for piece in found.pieces]))
+        shares.append(len(points) / len(corridor.air.xyz))
+    assert np.mean(shares) > 0.62
 
 
 @pytest.mark.parametrize("gap", [60.0, 110.0])

@@ -244,8 +244,10 @@ class _Seen(NamedTuple):
         Wide water and shadows from edge to edge have points on two sides alone, in their rows or
         columns.
         """
-        amid = [between(one, 0) | between(one, 1) for one in self.blocks]
-        return np.asarray(self._of_cells(np.any(amid, axis=0)))
+        flown = np.zeros(self.blocks.shape[1:], bool)
+        for one in self.blocks:  # of which there may be thousands
+            flown |= between(one, 0) | between(one, 1)
+        return np.asarray(self._of_cells(flown))
 
     def _of_cells(self, blocks: NDArray[Any]) -> NDArray[Any]:
         rows, cols = self.lattice.shape

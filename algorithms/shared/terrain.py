@@ -170,7 +170,7 @@ def find_terrain(
     use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0.0, 0.1))
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
-    candidates, heights = through_ground(z, ctx.part(0.15, 0.9), known=known, mistakes=mistakes)
+    candidates, heights = _through_ground(z, ctx.part(0.15, 0.9), known=known, mistakes=mistakes)
     share = share_with_points(z)
     ground = near_surface(z, candidates, heights)
     ground |= taken_back(z, ground, candidates & ~ground, share, ctx.part(0.9, 0.95))
@@ -189,12 +189,15 @@ def find_terrain(
     return terrain
 
 
-def through_ground(
+def _through_ground(
     z: Cells, ctx: Context, *, known: bool, mistakes: bool
 ) -> tuple[NDArray[np.bool_], Floats]:
     """The cells whose lowest point may be ground, and the robust surface through these.
 
-    For the others see :func:`find_terrain`.
+    Parameters
+    ----------
+    z : lowest height of each cell, NaN where there is none
+    known, mistakes : see :func:`find_terrain`
     """
     has = doubted = np.isfinite(z)
     rounds = ROUNDS_KNOWN if known and not mistakes else ROUNDS

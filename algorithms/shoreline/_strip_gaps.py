@@ -1,14 +1,13 @@
 """Gaps between strips that water runs into: nobody knows what is there, and it is not water.
 
 A gap returns nothing, as water does, so that what is found of a river goes on in each gap that
-crosses it. But ground beside a gap has no shore: it is far above the water, on both sides, and it
-is as likely as not to be where no flight has been.
+crosses it. But beside a gap there is no shore: on both sides the ground is far above the water.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +15,14 @@ from scipy import ndimage
 from scipy.special import betaincinv
 
 from algorithms.shoreline._bodies import SURE_CELLS
-from algorithms.shoreline._cells import REACH, CellGrid, around, connected, window
+from algorithms.shoreline._cells import BLOCK, REACH, CellGrid, around, connected, window
 from algorithms.shoreline._evidence import LARGE, WALL, core_of
 from algorithms.shoreline._level import even_blocks
 from algorithms.shoreline._surfaces import Water
 
 MOUTH = 1 / 3  # of the rim of a gap that is water at most: an arm has land along both of its sides
+ASIDE = 0.5  # share of the water that lies beside the line of a gap at least, which crosses it
+SEEN = 0.5  # share of cells with points beyond an end at most: strips bend, docks end on land
 UNFLOWN = 0.5  # share of the middle of a gap at least that no flight covers: cells are coarse
 ALONG = 10, 90  # per cent of the heights of the ground along a gap
 UNEVEN = 2.0  # m that these differ by at least: twice what a wall is high
@@ -30,15 +31,62 @@ SURE = 0.05  # chance that water returns as little by itself
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+class _Line(NamedTuple):
+    """The line of a gap: rows of cells along it.
+
+    Attributes
+    ----------
+    centre, along, across : in rows and columns of cells
+    ends, sides : least and greatest distance of its cells from the centre, along and across
+    """
+
+    centre: Floats
+    along: Floats
+    across: Floats
+    ends: tuple[float, float]
+    sides: tuple[float, float]
+
+    @classmethod
+    def of(cls, cells: CellGrid, some: Ints) -> _Line:
+        spots = np.column_stack(np.divmod(some, cells.lattice.cols)).astype(float)
+        centre = spots.mean(axis=0)
+        across, along = np.linalg.eigh(np.cov(spots.T))[1].T
+        t, s = (spots - centre) @ along, (spots - centre) @ across
+        return cls(centre, along, across, (t.min(), t.max()), (s.min(), s.max()))
+
+    def row(self, cells: CellGrid, some: Ints) -> Ints:
+        """Number of the row along the gap in which each of some cells lies."""
+        spots = np.column_stack(np.divmod(some, cells.lattice.cols))
+        return np.asarray(np.round((spots - self.centre) @ self.across), np.int64)
+
+    def holds(self, cells: CellGrid, some: Ints) -> Mask:
+        """Which cells lie in the rows of the gap, however far along."""
+        row, (first, last) = self.row(cells, some), np.round(self.sides)
+        return np.asarray((row >= first) & (row <= last))
+
+    def beyond(self, cells: CellGrid) -> Iterator[Ints]:
+        """Cells in the middle half of its rows, beyond each end as far as the gap is wide."""
+        (first, last), (left, right) = self.ends, self.sides
+        wide = right - left
+        s = np.arange(left + wide / 4, right - wide / 4 + 1)
+        for t in (np.arange(first - wide, first), np.arange(last + 1, last + wide + 1)):
+            spots = self.centre + t[:, None, None] * self.along + s[:, None] * self.across
+            r, c = np.round(spots).astype(np.int64).reshape(-1, 2).T
+            rows, cols = cells.lattice.shape
+            there = (r >= 0) & (r < rows) & (c >= 0) & (c < cols)
+            yield r[there] * cols + c[there]
 
 
 def strip_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Ints]:
     """Cells of each gap between strips that counts as a part of some water.
 
-    Water between walls or below crowns is like that, too, but not all of these: a part that
-    returned nothing, of 500 m2 or more, beside which all ground is more than 1 m above the water,
-    with land along most of its rim; and either no flight covers it, or, where flights are not
-    known, it is too large to be by chance without a return, as the rest of the water has some.
+    Such a part returned nothing and has 500 m2 or more, and all ground beside is more than 1 m
+    above the water, along most of its rim. So has water between walls or below crowns. But a gap
+    crosses the water, and goes on in its own line; and no flight covers it, or, where that is not
+    known, it is too large to be without a return by chance, as the rest of the water has some.
     """
     least = max(LARGE * cells.metre**2 / cells.area, SURE_CELLS)
     gaps = []
@@ -46,9 +94,13 @@ def strip_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Ints]:
         hidden = shoreless(cells, water)
         rest = np.setdiff1d(water.body.cells, hidden)
         for part in connected(cells.lattice, hidden, least):
-            band = _band(cells, part)
-            if _is_arm(cells, part, rest) and _is_not_flown(cells, water, band, rest):
-                gaps.append(band)
+            gap = _band(cells, part)
+            if (
+                _is_arm(cells, part, rest)
+                and _crosses(cells, gap, rest)
+                and _is_not_flown(cells, water, gap, rest)
+            ):
+                gaps.append(gap)
     return gaps
 
 
@@ -77,54 +129,60 @@ def _is_arm(cells: CellGrid, part: Ints, rest: Ints) -> bool:
     return bool(np.isin(rim, rest).mean() <= MOUTH)
 
 
-def _is_not_flown(cells: CellGrid, water: Water, part: Ints, rest: Ints) -> bool:
-    """Whether no flight covers a part of a water; if flights are not known, by what they saw."""
-    core = core_of(cells, part)
+def _crosses(cells: CellGrid, gap: Ints, rest: Ints) -> bool:
+    """Whether most of the water lies beside the line of a gap, which goes on without points.
+
+    A canal goes on in its own line as water, a dock or an arm of it ends on land.
+    """
+    line, count = _Line.of(cells, gap), cells.count.ravel()
+    if line.holds(cells, rest).mean() > 1 - ASIDE:
+        return False
+    return all((count[some] > 0).sum() <= SEEN * len(some) for some in line.beyond(cells))
+
+
+def _is_not_flown(cells: CellGrid, water: Water, gap: Ints, rest: Ints) -> bool:
+    """Whether no flight covers a gap; by what came back, if it is too narrow for that to be known.
+
+    Flights cover blocks of cells, so a gap must be as wide as two of them.
+    """
+    core, (left, right) = core_of(cells, gap), _Line.of(cells, gap).sides
     if not len(core):  # too narrow to tell
         return False
-    if cells.strips > 1:
+    if cells.strips > 1 and right - left >= 2 * BLOCK:
         return bool(1 - cells.flown.ravel()[core].mean() >= UNFLOWN)
-    return _is_uneven(cells, water, part) and _returns_less(cells, part, rest)
+    return _is_uneven(cells, water, gap) and _returns_less(cells, gap, rest)
 
 
-def _is_uneven(cells: CellGrid, water: Water, part: Ints) -> bool:
-    """Whether the ground beside a part of a water is no wall, bank or weir, which follow water."""
+def _is_uneven(cells: CellGrid, water: Water, gap: Ints) -> bool:
+    """Whether the ground beside a gap is no wall, bank or weir, which follow the water."""
     some, rise = _rises(cells, water)
-    low, high = np.percentile(rise[np.isin(some, part)], ALONG)
+    low, high = np.percentile(rise[np.isin(some, gap)], ALONG)
     return bool(high - low > UNEVEN * cells.metre)
 
 
 def _band(cells: CellGrid, part: Ints) -> Ints:
-    """Cells of a gap in rows along it, but for short rows: those of reaches between high banks.
+    """Cells of a part of a water in rows along it, but for short rows.
 
-    Strips are straight, so that the rows of a gap are about as long as it is, while those of water
-    which it meets are as long as that is wide.
+    Strips are straight, so that the rows of a gap are about as long as it is; those of reaches
+    between high banks that it meets are as long as the water is wide.
     """
-    row = _rows(cells, part, part)
+    row = _Line.of(cells, part).row(cells, part)
     length = np.bincount(row - row.min())
     return np.asarray(part[length[row - row.min()] >= ROW * length.max()])
 
 
-def _rows(cells: CellGrid, gap: Ints, some: Ints) -> Ints:
-    """Number of the row along a gap in which each of some cells lies, shape (len(some),)."""
-    spots, at = (np.column_stack(np.divmod(k, cells.lattice.cols)) for k in (gap, some))
-    across = np.linalg.eigh(np.cov(spots.T))[1][:, 0]
-    return np.asarray(np.round((at - spots.mean(axis=0)) @ across), np.int64)
-
-
-def _returns_less(cells: CellGrid, part: Ints, rest: Ints) -> bool:
-    """Whether a part without points is larger than water leaves empty by itself.
+def _returns_less(cells: CellGrid, gap: Ints, rest: Ints) -> bool:
+    """Whether a gap is larger than what water leaves empty by itself.
 
     The rest of the water is cut into blocks of about 500 m2 and the share of those without points
-    counted. A part of k blocks must have more of them than the rest has empty ones, as these may
+    counted. A gap of k blocks must have more of them than the rest has empty ones, as these may
     all lie together; and its chance, the share to the power of k, must be small, even if that
     share is as high as it may be (the upper limit of Clopper and Pearson, 1934, Biometrika 26(4),
     404-413). Banks always return: cells near the edge do not count, nor do those where the gap
     crosses the water.
     """
-    core, open_rest = core_of(cells, part), np.intersect1d(core_of(cells, rest), rest)
-    row, in_line = _rows(cells, part, part), _rows(cells, part, open_rest)
-    open_rest = open_rest[(in_line < row.min()) | (in_line > row.max())]
+    core, open_rest = core_of(cells, gap), np.intersect1d(core_of(cells, rest), rest)
+    open_rest = open_rest[~_Line.of(cells, gap).holds(cells, open_rest)]
     spots = np.column_stack([open_rest // cells.lattice.cols, open_rest % cells.lattice.cols])
     most = int(len(open_rest) * cells.area / (LARGE * cells.metre**2))
     if not most:

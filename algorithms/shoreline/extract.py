@@ -12,7 +12,7 @@ Landforms 34, 1635-1649: lost pulses, intensity and level as signs of water.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from algorithms.shoreline._surfaces import Water
 
 Row = dict[str, Any]
+OTHER_TYPES = {"body": int, "islands": int, "evidence": str, "kind": str, "data_edge": bool}
 LEAST_TOLD = 0.001  # the last digit of a level as it is told; what is smaller is rounded up
 
 
@@ -369,13 +370,14 @@ class ShorelineExtract:
         polygons = [feature for o in outlines for feature in o.rows()]
         lines = [feature for o in outlines for feature in o.lines()]
         corners = [feature for o in outlines for feature in o.corners()]
+        beside = [feature for o in others for feature in o.lines()]
         first = outlines[0].water.level if outlines else None
         return self.Outputs(
-            water=_layer(polygons, crs, "Polygon Z"),
-            shoreline=_layer(lines, crs, "LineString Z"),
-            vertices=_layer(corners, crs, "Point Z"),
-            other_waters=_layer([f for o in others for f in o.lines()], crs, "LineString Z"),
-            other_bodies=_layer([f for o in others for f in o.rows()], crs, "Polygon Z"),
+            water=_layer(polygons, crs, "Polygon Z", WATER),
+            shoreline=_layer(lines, crs, "LineString Z", SHORELINE),
+            vertices=_layer(corners, crs, "Point Z", columns.VERTICES),
+            other_waters=_layer(beside, crs, "LineString Z", SHORELINE),
+            other_bodies=_layer([f for o in others for f in o.rows()], crs, "Polygon Z", WATER),
             level=first.height if first else None,
             level_error=first.error if first else None,
             level_interval=first.interval if first else None,
@@ -440,10 +442,15 @@ def open_edges(rows: Sequence[Row], unit: Unit | None = None) -> str:
     )
 
 
-def _layer(features: Sequence[tuple[Any, Row]], crs: Any, kind: str) -> Vector:
+def _layer(
+    features: Sequence[tuple[Any, Row]], crs: Any, kind: str, names: Mapping[str, Any]
+) -> Vector:
+    """A layer of features; without any it has the same attributes."""
     import geopandas  # of which a model that looks for no water has no need
+    import pandas as pd
 
-    frame = geopandas.GeoDataFrame(
-        [row for _, row in features], geometry=[shape for shape, _ in features], crs=crs
-    )
+    rows = pd.DataFrame([row for _, row in features], columns=list(names))
+    if not features:
+        rows = rows.astype({name: OTHER_TYPES.get(name, float) for name in names})
+    frame = geopandas.GeoDataFrame(rows, geometry=[shape for shape, _ in features], crs=crs)
     return Vector(frame, geometry_type=kind)

@@ -108,8 +108,8 @@ def cut_together(
 
     Parameters
     ----------
-    telling : the same with the tracks by which it was cut
-    cuts : chainages found by each of these for itself
+    telling : the alignment, but only with the tracks by which it was cut
+    cuts : chainages found so, with arcs for each track of its own
     """
     own = telling.tracks(corridor)
     seen = sum(map(len, own)) / sum(float(np.ptp(track[:, 0])) for track in own)
@@ -421,7 +421,8 @@ def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_], see
     the top of a tree among wires looks like an arm, its trunk like a pole. But there they do not
     bend: no bend at all is a hundred times as likely as one between two spans, and more than `seen`
     tells of an arm there, or, where it is `bare` of what looks like a support, they hardly do. Such
-    a cut must also be likelier than none, if the line has a span as long without it.
+    a cut, if no arm is certain there, must also be likelier than none where both spans together
+    are no longer than another one of the line; a bend that cannot be known is not.
     """
     least, enough = SETTINGS.arcs.least_kink, seen / 2 - math.log(SETTINGS.sparse.false_alarms)
     while len(edges) > 2:
@@ -429,7 +430,8 @@ def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_], see
         straight = straightness(kinks, sigmas)
         bends = enough[edges[1:-1]] / np.maximum(straight, 1e-9)
         bends = np.where(bare[edges[1:-1]], np.minimum(bends, np.abs(kinks) / least), bends)
-        spare = bare[edges[1:-1]] & is_known_length(edges) & (straight >= 0)
+        spare = bare[edges[1:-1]] & (seen[edges[1:-1]] < SETTINGS.arcs.certain_arm)
+        spare &= is_known_length(edges) & (straight >= 0)
         bends = np.where(spare, np.minimum(bends, np.exp(-np.abs(straight))), bends)
         worst = int(np.argmin(bends))
         if bends[worst] > 1:

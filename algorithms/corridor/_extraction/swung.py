@@ -195,7 +195,7 @@ class Swung:
     def of(cls, sights: Sequence[Sighted]) -> Swung | None:
         """The positions in which strips surely show the wires of a span; None for one position.
 
-        Of how wires hang a strip tells nothing of which few points show, or an end of the span.
+        Strips that show few points, or an end of the span alone, are left out: they do not tell.
         """
         strip = np.concatenate([sight.strip for sight in sights])
         parts = [

@@ -938,9 +938,9 @@ def test_only_what_stands_out_of_known_ground_with_mistakes_is_taken_out() -> No
     z = np.full((208, 304), np.nan, np.float32)
     z[::3] = 0
     z[::30, 5::10] = 4
-    known, _ = finding.through_ground(z, QUIET, known=True, mistakes=False)
+    known, _ = finding._through_ground(z, QUIET, known=True, mistakes=False)
     assert (known == np.isfinite(z)).all()
-    found, surface = finding.through_ground(z, QUIET, known=True, mistakes=True)
+    found, surface = finding._through_ground(z, QUIET, known=True, mistakes=True)
     assert (found == (z == 0)).all()
     assert np.nanmax(abs(surface)) < 0.01
 

@@ -460,6 +460,15 @@ def test_what_would_run_off_is_no_water() -> None:
     assert extract(ground.with_xyz(xyz).select(kept)).count == 0
 
 
+def test_layers_without_features_have_their_attributes() -> None:
+    none, some = extract(slope()), extract(lake())
+    for name in ("water", "shoreline", "vertices"):
+        empty, filled = getattr(none, name).frame, getattr(some, name).frame
+        assert not len(empty)
+        assert list(empty.columns) == list(filled.columns)
+        assert empty.dtypes.to_dict() == filled.dtypes.to_dict()
+
+
 def test_level_land_may_be_all_water_but_has_no_shore(caplog: Any) -> None:
     with caplog.at_level(logging.WARNING, "toolbox"):
         assert extract(slope(rise=0.0)).count == 0

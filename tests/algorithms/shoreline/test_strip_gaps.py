@@ -109,6 +109,49 @@ def test_what_a_strip_covers_is_no_gap_between_strips(caplog: Any) -> None:
     assert TOLD not in caplog.text
 
 
+def basin(turn: float, length: float) -> tuple[PointCloud, Floats]:
+    """A basin of 40 m between walls of 2 m, of which the first 60 m return pulses.
+
+    Returns
+    -------
+    points, of 2 per m2
+    how far each is to the left of its axis
+    """
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-SIDE / 2, SIDE / 2, (2, int(2 * SIDE**2)))
+    along, left = (
+        x * np.cos(turn) + y * np.sin(turn),
+        -x * np.sin(turn) + y * np.cos(turn),
+    )
+    away = np.maximum(abs(along) - length / 2, abs(left) - 20)
+    z = np.where(away < 0, 100.0, 102 + 0.02 * away) + rng.normal(0, 0.03, len(x))
+    kept = (away > 0) | ((rng.random(len(x)) < 0.3) & (along < 60 - min(length, SIDE) / 2))
+    xyz = np.round(np.column_stack([x, y, z])[kept], 3) + ORIGIN
+    intensity = np.full(len(xyz), 900, np.uint16)
+    return PointCloud(xyz, columns(intensity, (away < 0)[kept]), crs=UTM, name="basin"), left[kept]
+
+
+@pytest.mark.parametrize(("turn", "length"), [(0.0, 280.0), (np.pi / 4, 280.0), (0.0, 500.0)])
+def test_a_basin_or_canal_along_the_border_of_two_strips_is_no_gap(
+    turn: float, length: float
+) -> None:
+    """Each strip has points on one side of it alone, though they overlap by 10 m."""
+    cloud, left = basin(turn, length)
+    both = 1 + np.arange(len(cloud)) % 2
+    strips = named(cloud, np.where(abs(left) < 5, both, np.where(left > 0, 1, 2)))
+    assert found(strips)["area"].sum() == pytest.approx(min(length, SIDE) * 40, rel=0.02)
+
+
+def test_an_arm_of_a_basin_that_ends_on_land_is_no_gap() -> None:
+    """It crosses the basin, along the border of two strips, and is walled."""
+    cloud, _ = basin(0.0, 280.0)
+    x, y = (cloud.xyz - ORIGIN)[:, :2].T
+    arm = (abs(x) < 25) & (y > 0) & (y < 150)
+    kept = cloud.select(~arm)
+    area = found(named(kept, 1 + (x > 0)[~arm]))["area"].sum()
+    assert area == pytest.approx(280 * 40 + 50 * 130, rel=0.04)
+
+
 def test_where_the_river_returns_nothing_either_a_gap_is_not_known(caplog: Any) -> None:
     """It counts as water, and is told, unless strips are named."""
     cloud, east = valley(returned=0.0)

@@ -27,6 +27,7 @@ def valley(
     rise: float = 0.05,
     returned: float = 0.3,
     lean: float = 0.1,
+    gap: float = GAP,
     wide: float = WIDE,
     bright: float = SIDE,
 ) -> tuple[PointCloud, Floats]:
@@ -38,7 +39,7 @@ def valley(
     rise : slope of the land behind them
     returned : share of the pulses that the river returns
     lean : how far the gap goes to the east, m for each metre to the north
-    wide : of the river, m
+    gap, wide : of the gap and the river, m
     bright : from the west so far it returns pulses, m
 
     Returns
@@ -52,9 +53,8 @@ def valley(
     z = 100 + np.clip(away, 0, bank) + rise * np.clip(away - bank, 0, None)
     z += rng.normal(0, 0.03, len(x))
     east = x - SIDE / 2 - lean * (y - SIDE / 2)
-    kept = (rng.random(len(x)) < np.where(away > 0, 1, returned * (x < bright))) & (
-        abs(east) > GAP / 2
-    )
+    share = np.where(away > 0, 1, returned * (x < bright))
+    kept = (rng.random(len(x)) < share) & (abs(east) > gap / 2)
     xyz = np.round(np.column_stack([x, y, z])[kept], 3) + ORIGIN
     wet = (away < 0)[kept]
     intensity = np.full(len(xyz), 900, np.uint16)
@@ -109,34 +109,48 @@ def test_what_a_strip_covers_is_no_gap_between_strips(caplog: Any) -> None:
     assert TOLD not in caplog.text
 
 
-def basin(turn: float, length: float) -> tuple[PointCloud, Floats]:
+def basin(
+    turn: float, length: float, returned: float = 0.3, arm: float = 0.0
+) -> tuple[PointCloud, Floats, Floats]:
     """A basin of 40 m between walls of 2 m, of which the first 60 m return pulses.
+
+    Parameters
+    ----------
+    turn : of its axis to the east, anticlockwise, radians
+    length : m
+    returned : share of the pulses that the first 60 m return
+    arm : length of an arm of 50 m to its left, that returns nothing, m
 
     Returns
     -------
     points, of 2 per m2
-    how far each is to the left of its axis
+    how far each is along the axis, and to the left of it
     """
     rng = np.random.default_rng(0)
     x, y = rng.uniform(-SIDE / 2, SIDE / 2, (2, int(2 * SIDE**2)))
-    along, left = (
-        x * np.cos(turn) + y * np.sin(turn),
-        -x * np.sin(turn) + y * np.cos(turn),
-    )
+    along = x * np.cos(turn) + y * np.sin(turn)
+    left = -x * np.sin(turn) + y * np.cos(turn)
     away = np.maximum(abs(along) - length / 2, abs(left) - 20)
+    if arm:
+        away = np.minimum(away, np.maximum(abs(along) - 25, abs(left - arm / 2) - arm / 2))
     z = np.where(away < 0, 100.0, 102 + 0.02 * away) + rng.normal(0, 0.03, len(x))
-    kept = (away > 0) | ((rng.random(len(x)) < 0.3) & (along < 60 - min(length, SIDE) / 2))
+    bright = (along < 60 - min(length, SIDE) / 2) & (abs(left) < 20)
+    kept = (away > 0) | ((rng.random(len(x)) < returned) & bright)
     xyz = np.round(np.column_stack([x, y, z])[kept], 3) + ORIGIN
     intensity = np.full(len(xyz), 900, np.uint16)
-    return PointCloud(xyz, columns(intensity, (away < 0)[kept]), crs=UTM, name="basin"), left[kept]
+    cloud = PointCloud(xyz, columns(intensity, (away < 0)[kept]), crs=UTM, name="basin")
+    return cloud, along[kept], left[kept]
 
 
-@pytest.mark.parametrize(("turn", "length"), [(0.0, 280.0), (np.pi / 4, 280.0), (0.0, 500.0)])
+@pytest.mark.parametrize(
+    ("turn", "length", "returned"),
+    [(0.0, 280.0, 0.3), (np.pi / 4, 280.0, 0.3), (0.0, 500.0, 0.15)],
+)
 def test_a_basin_or_canal_along_the_border_of_two_strips_is_no_gap(
-    turn: float, length: float
+    turn: float, length: float, returned: float
 ) -> None:
     """Each strip has points on one side of it alone, though they overlap by 10 m."""
-    cloud, left = basin(turn, length)
+    cloud, _, left = basin(turn, length, returned)
     both = 1 + np.arange(len(cloud)) % 2
     strips = named(cloud, np.where(abs(left) < 5, both, np.where(left > 0, 1, 2)))
     assert found(strips)["area"].sum() == pytest.approx(min(length, SIDE) * 40, rel=0.02)
@@ -144,12 +158,15 @@ def test_a_basin_or_canal_along_the_border_of_two_strips_is_no_gap(
 
 def test_an_arm_of_a_basin_that_ends_on_land_is_no_gap() -> None:
     """It crosses the basin, along the border of two strips, and is walled."""
-    cloud, _ = basin(0.0, 280.0)
-    x, y = (cloud.xyz - ORIGIN)[:, :2].T
-    arm = (abs(x) < 25) & (y > 0) & (y < 150)
-    kept = cloud.select(~arm)
-    area = found(named(kept, 1 + (x > 0)[~arm]))["area"].sum()
+    cloud, along, _ = basin(np.pi / 4, 280.0, arm=150.0)
+    area = found(named(cloud, 1 + (along > 0)))["area"].sum()
     assert area == pytest.approx(280 * 40 + 50 * 130, rel=0.04)
+
+
+def test_a_gap_narrower_than_two_blocks_is_told_by_what_came_back() -> None:
+    """Strips cover blocks of cells, so that they seem to cover it."""
+    cloud, east = valley(gap=6.0)
+    assert over_land(found(named(cloud, 1 + (east > 0)))) < 0.3 * 6 * (SIDE - WIDE)
 
 
 def test_where_the_river_returns_nothing_either_a_gap_is_not_known(caplog: Any) -> None:
@@ -177,14 +194,14 @@ def test_water_that_a_cliff_shades_is_no_gap(caplog: Any) -> None:
     """Nothing came back from 40 m of a lake below an uneven cliff, nor is its foot seen."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform(0, SIDE, (2, int(2 * SIDE**2)))
-    away = np.maximum(abs(y - 200) - 50, abs(x - 200) - 180)
+    away = abs(y - 200) - 50
     z = 100 + np.clip(0.3 * away, 0, 3)
     z = np.where((away > 0) & (y > 249), 112 + 4 * np.sin(x / 40), z) + rng.normal(0, 0.03, len(x))
     kept = (away > 0) | ((y < 210) & (rng.random(len(x)) < 0.3))
     xyz = np.round(np.column_stack([x, y, z])[kept], 3) + ORIGIN
     intensity = np.full(len(xyz), 900, np.uint16)
     water = found(PointCloud(xyz, columns(intensity, (away < 0)[kept]), crs=UTM, name="cliff"))
-    assert water["area"].sum() == pytest.approx(360 * 100, rel=0.05)
+    assert water["area"].sum() == pytest.approx(400 * 100, rel=0.05)
     assert "of whatever class, is more than 1 m above its level" in caplog.text
 
 

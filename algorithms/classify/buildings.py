@@ -352,10 +352,10 @@ class ClassifyBuildings:
         shapes = shapes[~bridges(features, planes, shapes)]
         regions = shapes
         shapes = self._without_ground(features, planes, shapes, lengths, ctx.part(1.0, 1.0))
-        if gone := len(regions) - len(
-            np.unique(shapely.STRtree(regions).query(shapes, "intersects")[1])
-        ):
-            log.info("%d regions have ground in between: no roofs", gone)
+        if shapes is not regions:  # some were drawn again, or are gone
+            kept = np.unique(shapely.STRtree(regions).query(shapes, "intersects")[1])
+            if gone := len(regions) - len(kept):
+                log.info("%d regions have ground in between: no roofs", gone)
         trees = crowns(shapes, features, planes)
         if trees.any():
             log.info(

@@ -205,8 +205,7 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
         known,
         inside,
         surrounded,
-        seen.flights(),
-        seen.flown(),
+        *seen.cover(),
         len(seen.blocks),
         density,
     )
@@ -232,22 +231,20 @@ class _Seen(NamedTuple):
             row, col = np.divmod(cell, self.lattice.cols)
             self.blocks[self.number[strip], row // BLOCK, col // BLOCK] = True
 
-    def flights(self) -> NDArray[np.uint16]:
-        """How many flights cover each cell: what lies amid points of one is covered, too."""
-        amid = (one | (between(one, 0) & between(one, 1)) for one in self.blocks)
-        count = np.maximum(sum(one.astype(np.uint16) for one in amid), 1).astype(np.uint16)
-        return np.asarray(self._of_cells(count))
+    def cover(self) -> tuple[NDArray[np.uint16], Mask]:
+        """How many flights cover each cell, at least 1, and whether one covers it at all.
 
-    def flown(self) -> Mask:
-        """Which cells a flight covers at all: what lies beside both of two strips is in none.
-
-        Wide water and shadows from edge to edge have points on two sides alone, in their rows or
-        columns.
+        What lies amid points of one, in its row and its column, is covered, too. Wide water and
+        shadows from edge to edge have points on two sides alone, in their rows or columns; but what
+        lies between two strips that do not overlap has not.
         """
+        flights = np.zeros(self.blocks.shape[1:], np.uint16)
         flown = np.zeros(self.blocks.shape[1:], bool)
         for one in self.blocks:  # of which there may be thousands
-            flown |= between(one, 0) | between(one, 1)
-        return np.asarray(self._of_cells(flown))
+            column, row = between(one, 0), between(one, 1)
+            flights += column & row
+            flown |= column | row
+        return self._of_cells(np.maximum(flights, 1)), self._of_cells(flown)
 
     def _of_cells(self, blocks: NDArray[Any]) -> NDArray[Any]:
         rows, cols = self.lattice.shape

@@ -51,16 +51,21 @@ class _Line(NamedTuple):
 
     @classmethod
     def of(cls, cells: CellGrid, some: Ints) -> _Line:
-        spots = np.column_stack(np.divmod(some, cells.lattice.cols)).astype(float)
+        spots = _spots(cells, some).astype(float)
         centre = spots.mean(axis=0)
         across, along = np.linalg.eigh(np.cov(spots.T))[1].T
         t, s = (spots - centre) @ along, (spots - centre) @ across
         return cls(centre, along, across, (t.min(), t.max()), (s.min(), s.max()))
 
+    @property
+    def wide(self) -> float:
+        """Width of the gap, in cells."""
+        return self.sides[1] - self.sides[0]
+
     def row(self, cells: CellGrid, some: Ints) -> Ints:
         """Number of the row along the gap in which each of some cells lies."""
-        spots = np.column_stack(np.divmod(some, cells.lattice.cols))
-        return np.asarray(np.round((spots - self.centre) @ self.across), np.int64)
+        away = _spots(cells, some) - self.centre
+        return np.asarray(np.round(away @ self.across), np.int64)
 
     def holds(self, cells: CellGrid, some: Ints) -> Mask:
         """Which cells lie in the rows of the gap, however far along."""
@@ -69,8 +74,7 @@ class _Line(NamedTuple):
 
     def beyond(self, cells: CellGrid) -> Iterator[Ints]:
         """Cells in the middle half of its rows, beyond each end as far as the gap is wide."""
-        (first, last), (left, right) = self.ends, self.sides
-        wide = right - left
+        (first, last), (left, right), wide = self.ends, self.sides, self.wide
         s = np.arange(left + wide / 4, right - wide / 4 + 1)
         for t in (np.arange(first - wide, first), np.arange(last + 1, last + wide + 1)):
             spots = self.centre + t[:, None, None] * self.along + s[:, None] * self.across
@@ -78,6 +82,11 @@ class _Line(NamedTuple):
             rows, cols = cells.lattice.shape
             there = (r >= 0) & (r < rows) & (c >= 0) & (c < cols)
             yield r[there] * cols + c[there]
+
+
+def _spots(cells: CellGrid, some: Ints) -> Ints:
+    """Rows and columns of cells, shape (n, 2)."""
+    return np.column_stack(np.divmod(some, cells.lattice.cols))
 
 
 def strip_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Ints]:
@@ -91,15 +100,13 @@ def strip_gaps(cells: CellGrid, found: Sequence[Water]) -> list[Ints]:
     least = max(LARGE * cells.metre**2 / cells.area, SURE_CELLS)
     gaps = []
     for water in found:
-        hidden = shoreless(cells, water)
+        some, rise = _rises(cells, water)
+        hidden = some[rise > WALL * cells.metre]
         rest = np.setdiff1d(water.body.cells, hidden)
         for part in connected(cells.lattice, hidden, least):
             gap = _band(cells, part)
-            if (
-                _is_arm(cells, part, rest)
-                and _crosses(cells, gap, rest)
-                and _is_not_flown(cells, water, gap, rest)
-            ):
+            beside = rise[np.isin(some, gap)]
+            if _is_arm(cells, part, rest) and _is_gap(cells, gap, rest, beside):
                 gaps.append(gap)
     return gaps
 
@@ -129,35 +136,39 @@ def _is_arm(cells: CellGrid, part: Ints, rest: Ints) -> bool:
     return bool(np.isin(rim, rest).mean() <= MOUTH)
 
 
-def _crosses(cells: CellGrid, gap: Ints, rest: Ints) -> bool:
+def _is_gap(cells: CellGrid, gap: Ints, rest: Ints, rise: Floats) -> bool:
+    """Whether a part crosses the water and no flight covers it, or, if unknown, it returned less.
+
+    Flights cover blocks of cells, so it must be as wide as two of them for that to be known.
+
+    Parameters
+    ----------
+    gap, rest : cells of the part, and of the rest of the water
+    rise : of the ground beside the part above the water
+    """
+    line, core = _Line.of(cells, gap), core_of(cells, gap)
+    if not len(core) or not _crosses(cells, line, rest):  # too narrow to tell
+        return False
+    if cells.strips > 1 and line.wide >= 2 * BLOCK:
+        return bool(1 - cells.flown.ravel()[core].mean() >= UNFLOWN)
+    return _is_uneven(rise, cells.metre) and _returns_less(cells, line, core, rest)
+
+
+def _crosses(cells: CellGrid, line: _Line, rest: Ints) -> bool:
     """Whether most of the water lies beside the line of a gap, which goes on without points.
 
     A canal goes on in its own line as water, a dock or an arm of it ends on land.
     """
-    line, count = _Line.of(cells, gap), cells.count.ravel()
     if line.holds(cells, rest).mean() > 1 - ASIDE:
         return False
+    count = cells.count.ravel()
     return all((count[some] > 0).sum() <= SEEN * len(some) for some in line.beyond(cells))
 
 
-def _is_not_flown(cells: CellGrid, water: Water, gap: Ints, rest: Ints) -> bool:
-    """Whether no flight covers a gap; by what came back, if it is too narrow for that to be known.
-
-    Flights cover blocks of cells, so a gap must be as wide as two of them.
-    """
-    core, (left, right) = core_of(cells, gap), _Line.of(cells, gap).sides
-    if not len(core):  # too narrow to tell
-        return False
-    if cells.strips > 1 and right - left >= 2 * BLOCK:
-        return bool(1 - cells.flown.ravel()[core].mean() >= UNFLOWN)
-    return _is_uneven(cells, water, gap) and _returns_less(cells, gap, rest)
-
-
-def _is_uneven(cells: CellGrid, water: Water, gap: Ints) -> bool:
+def _is_uneven(rise: Floats, metre: float) -> bool:
     """Whether the ground beside a gap is no wall, bank or weir, which follow the water."""
-    some, rise = _rises(cells, water)
-    low, high = np.percentile(rise[np.isin(some, gap)], ALONG)
-    return bool(high - low > UNEVEN * cells.metre)
+    low, high = np.percentile(rise, ALONG)
+    return bool(high - low > UNEVEN * metre)
 
 
 def _band(cells: CellGrid, part: Ints) -> Ints:
@@ -171,7 +182,7 @@ def _band(cells: CellGrid, part: Ints) -> Ints:
     return np.asarray(part[length[row - row.min()] >= ROW * length.max()])
 
 
-def _returns_less(cells: CellGrid, gap: Ints, rest: Ints) -> bool:
+def _returns_less(cells: CellGrid, line: _Line, core: Ints, rest: Ints) -> bool:
     """Whether a gap is larger than what water leaves empty by itself.
 
     The rest of the water is cut into blocks of about 500 m2 and the share of those without points
@@ -180,14 +191,18 @@ def _returns_less(cells: CellGrid, gap: Ints, rest: Ints) -> bool:
     share is as high as it may be (the upper limit of Clopper and Pearson, 1934, Biometrika 26(4),
     404-413). Banks always return: cells near the edge do not count, nor do those where the gap
     crosses the water.
+
+    Parameters
+    ----------
+    line, core : of the gap, and its cells that are not near its edge
+    rest : cells of the water
     """
-    core, open_rest = core_of(cells, gap), np.intersect1d(core_of(cells, rest), rest)
-    open_rest = open_rest[~_Line.of(cells, gap).holds(cells, open_rest)]
-    spots = np.column_stack([open_rest // cells.lattice.cols, open_rest % cells.lattice.cols])
+    open_rest = np.intersect1d(core_of(cells, rest), rest)
+    open_rest = open_rest[~line.holds(cells, open_rest)]
     most = int(len(open_rest) * cells.area / (LARGE * cells.metre**2))
     if not most:
         return False
-    blocks = even_blocks(spots.astype(float), most)
+    blocks = even_blocks(_spots(cells, open_rest).astype(float), most)
     empty = sum(not cells.count.ravel()[open_rest[block]].any() for block in blocks)
     k = len(core) * len(blocks) / len(open_rest)
     seen = len(blocks) - empty

@@ -28,7 +28,7 @@ from scipy.ndimage import maximum_filter1d
 from algorithms.corridor._curves import arcs_kernels as kernels
 from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.hardware import hardware
-from algorithms.corridor._curves.lanes import lanes_of
+from algorithms.corridor._curves.lanes import lanes_of, points_per_metre
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.corridor._settings import SETTINGS
@@ -111,8 +111,7 @@ def cut_together(
     telling : the alignment, but only with the tracks by which it was cut
     cuts : chainages found so, with arcs for each track of its own
     """
-    own = telling.tracks(corridor)
-    seen = sum(map(len, own)) / sum(float(np.ptp(track[:, 0])) for track in own)
+    seen = points_per_metre(telling.tracks(corridor))
     usual = alignment.step * alignment.steps / (len(cuts) + 1)
     if seen * usual >= SETTINGS.curves.isolated_points:
         return None

@@ -102,16 +102,20 @@ def lanes_of(corridor: Corridor, tracks: Sequence[Floats]) -> Lanes | None:
     """The lanes of tracks with few points; None if these have more, or change over in stacks."""
     if corridor.tolerance <= SETTINGS.sparse.stack_tolerance:
         return None
-    length = sum(float(np.ptp(track[:, 0])) for track in tracks)
-    if sum(map(len, tracks)) >= SETTINGS.lanes.sparse * length:
+    if points_per_metre(tracks) >= SETTINGS.lanes.sparse:
         return None
     return Lanes.of([in_order(track) for track in tracks])
 
 
 def fit_anything(tracks: Sequence[Floats]) -> bool:
     """Whether tracks have fewer than three points on the shortest span, as many as arcs need."""
+    return points_per_metre(tracks) * SETTINGS.arcs.shortest_span < 3
+
+
+def points_per_metre(tracks: Sequence[Floats]) -> float:
+    """Points of tracks along their length; infinite without any length."""
     length = sum(float(np.ptp(track[:, 0])) for track in tracks)
-    return sum(map(len, tracks)) * SETTINGS.arcs.shortest_span < 3 * length
+    return sum(map(len, tracks)) / length if length else math.inf
 
 
 def in_order(track: Floats) -> Floats:

@@ -7,9 +7,16 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from algorithms.classify._evidence import PointFeatures
+from algorithms.shared.places import may_be_near
+
+AROUND = 5  # spacings of points around an outline, so that there are points all around it
 TOUCHING = 0.01  # metres, so that points on an outline are inside whatever the rounding
 
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Shapes = NDArray[Any]
 
 
@@ -17,6 +24,23 @@ def without_spikes(shapes: Shapes, width: float) -> Shapes:
     """Polygons without what is narrower than a width, such as branches and fences beside a roof."""
     core = shapely.buffer(shapes, -width / 2, join_style="mitre")
     return np.asarray(shapely.get_parts(shapely.buffer(core, width / 2, join_style="mitre")))
+
+
+def within_data(outline: Any, features: PointFeatures, spacing: float) -> Any:
+    """A polygon without what lies beyond the data: corners of what the edge cuts are not seen.
+
+    Parameters
+    ----------
+    outline : polygon
+    features : n points
+    spacing : of the points, in their unit; the data end half of it beyond the last ones
+    """
+    around = shapely.box(*outline.buffer(AROUND * spacing).bounds)
+    data = shapely.MultiPoint(features.xyz[features.within(around), :2]).convex_hull
+    seen = data.buffer(spacing / 2, join_style="mitre")
+    if seen.contains(outline):
+        return outline
+    return max(shapely.get_parts(outline.intersection(seen)), key=shapely.area)
 
 
 def margin(density: Any, alpha: float) -> Any:
@@ -50,3 +74,21 @@ def name_of(outline: Any) -> str:
     """
     place = outline.representative_point()
     return f"{np.floor(place.x):.0f}_{np.floor(place.y):.0f}"
+
+
+def is_ground_around(features: PointFeatures, radius: float, places: Floats) -> Mask:
+    """True for places around which most points are ground, array of shape (m,).
+
+    Parameters
+    ----------
+    features : n points
+    radius : around a place, in their unit
+    places : array of shape (m, 2)
+    """
+    near = may_be_near(features.xyz, places, radius)
+    xy, ground = features.xyz[near, :2], features.terrain[0][near]
+    on_ground, others = (
+        cKDTree(xy[some]).query_ball_point(places, radius, return_length=True)
+        for some in (ground, ~ground)
+    )
+    return np.asarray(on_ground > others)

@@ -19,6 +19,7 @@ How well it does, and what it takes for a building: docs/explanation/urban-class
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -34,14 +35,27 @@ from algorithms.classify._crowns import CLOSED, crowns
 from algorithms.classify._density import ALPHA, Lengths
 from algorithms.classify._doubtful_heights import warn_of_doubtful_heights
 from algorithms.classify._evidence import FOOT, solid
-from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
+from algorithms.classify._outlines import (
+    TOUCHING,
+    is_ground_around,
+    margin,
+    name_of,
+    within_data,
+    without_spikes,
+)
 from algorithms.classify._parts import levels, tiles
 from algorithms.classify._refused import refused_in_words, steep_regions, unlike, warn_of_lost
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._squared import main_direction, squared
-from algorithms.classify._vehicles import SEEN, as_narrow_and_low, ground_seen, large_vehicles
+from algorithms.classify._vehicles import (
+    SEEN,
+    as_narrow_and_low,
+    ground_seen,
+    in_rows,
+    large_vehicles,
+)
 from algorithms.shared import parameters
-from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.alpha_shape import Gaps, alpha_shape
 from algorithms.shared.data_edge import cut
 from algorithms.shared.ground import among, taking_part
 from algorithms.shared.kernels.threads import side_by_side
@@ -65,7 +79,7 @@ SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
 SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
 ROUNDING = 1e-9  # of a length: in feet the same one may come out a little shorter
 BELOW_DISC = 1.58  # times the spacing of points: least radius of a disc, with eight of them below
-MOST = 0.75  # share of a region that is left without the ground in it, if it is a roof with courts
+MOST = 0.5  # share of a region that is left without the ground in it, if there are roofs in it
 HALF_AS_DENSE = 0.5**0.5  # times as far apart are twice as many points per area
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 
@@ -95,10 +109,11 @@ class ClassifyBuildings:
     Classify the ground first. Of the points at least `min_height` above it, roofs are those around
     which at least `planarity` of the points lie on planes, and less than twice that share lets the
     pulse through. Those on planes are joined to regions as an alpha shape; what is narrower than
-    `alpha` is cut off, and regions from `smallest` to `largest` are buildings. Up to a metre beside
-    them, all that looks like a roof belongs to it, and so does what it encloses, such as solar
-    panels, if it is as high, hides the ground and lets hardly a pulse through. Points there become
-    class 6 up to the roof, walls and dormers as well, but neither ground nor branches above.
+    `alpha` is cut off, and regions from `smallest` to `largest` are buildings. Where `alpha` is not
+    given they are parted where most points in a gap, as between houses, are ground. Up to a metre
+    beside them, all that looks like a roof belongs to it, and so does what it encloses, such as
+    solar panels, if it is as high, hides the ground and lets hardly a pulse through. Points there
+    become class 6 up to the roof, walls and dormers as well, but neither ground nor branches above.
     Without returns planarity alone decides, and twice as much is asked for.
 
     What is as narrow and low as vehicles and stands free, with ground also between it and a wall
@@ -276,7 +291,7 @@ class ClassifyBuildings:
         roof = self._roof(features, lengths, ctx.part(0.55, 0.6))
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))
         shapes, trees = self._buildings(features, planes, lengths, ctx.part(0.65, 0.75))
-        joined = self._regions(features, roof, lengths, ctx.part(0.75, 0.85))
+        joined = self._regions(features, roof, lengths, ctx=ctx.part(0.75, 0.85))
         shapes, rough = without_holes(shapes, features, self.min_height)
         roof |= rough
         found = np.zeros(len(cloud), bool)
@@ -326,6 +341,7 @@ class ClassifyBuildings:
         features: _evidence.PointFeatures,
         some: Mask | Ints,
         lengths: Lengths,
+        gaps: Gaps | None = None,
         ctx: Context = QUIET,
     ) -> Shapes:
         """Polygons around roof points, at least of the smallest size of a building."""
@@ -333,6 +349,7 @@ class ClassifyBuildings:
             shape = alpha_shape(
                 features.xyz[some, :2],
                 lengths.alpha,
+                gaps=gaps,
                 hole_threshold=self.smallest,
                 region_threshold=self.smallest,
                 ctx=ctx,
@@ -346,16 +363,15 @@ class ClassifyBuildings:
         self, features: _evidence.PointFeatures, planes: Mask, lengths: Lengths, ctx: Context
     ) -> tuple[Shapes, Shapes]:
         """Polygons around the planes of roofs of an allowed size, and of crowns like them."""
-        shapes = self._regions(features, planes, lengths, ctx)
+        shapes = self._regions(features, planes, lengths, ctx=ctx)
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
         shapes = shapes[~bridges(features, planes, shapes)]
-        regions = shapes
-        shapes = self._without_ground(features, planes, shapes, lengths, ctx.part(1.0, 1.0))
-        if shapes is not regions:  # some were drawn again, or are gone
-            kept = np.unique(shapely.STRtree(regions).query(shapes, "intersects")[1])
-            if gone := len(regions) - len(kept):
-                log.info("%d regions have ground in between: no roofs", gone)
+        parted = self._parted(features, planes, shapes, lengths, ctx.part(1.0, 1.0))
+        kept = np.unique(shapely.STRtree(shapes).query(parted, "intersects")[1])
+        if gone := len(shapes) - len(kept):
+            log.info("%d regions have ground in between: no roofs", gone)
+        shapes = parted
         trees = crowns(shapes, features, planes)
         if trees.any():
             log.info(
@@ -363,6 +379,30 @@ class ClassifyBuildings:
                 np.count_nonzero(trees),
             )
         return shapes[~trees], shapes[trees]
+
+    def _parted(
+        self,
+        features: _evidence.PointFeatures,
+        planes: Mask,
+        shapes: Shapes,
+        lengths: Lengths,
+        ctx: Context,
+    ) -> Shapes:
+        """Regions that hide the ground, parted where it is seen in a gap of their outline.
+
+        They are told as a whole: of what is left of a row of vehicles too little ground is seen.
+        """
+        open_below = ground_seen(shapes, features) > SEEN
+        if self.alpha is not None:
+            return shapes[~open_below]
+        drawn = self._regions(features, planes, lengths, _gaps(features, lengths), ctx)
+        within = shapely.STRtree(shapes[~open_below]).query(
+            shapely.point_on_surface(drawn), "within"
+        )
+        others = self._without_ground(features, planes, shapes[open_below], lengths, ctx)
+        closed = drawn[np.unique(within[0])]
+        closed = closed[~in_rows(closed, features, planes, lengths.alpha)]
+        return np.concatenate([closed, others])
 
     def _without_ground(
         self,
@@ -372,7 +412,7 @@ class ClassifyBuildings:
         lengths: Lengths,
         ctx: Context,
     ) -> Shapes:
-        """Regions that hide the ground.
+        """What hides the ground of regions that do not.
 
         The disc is wider than courts, and where points are sparse than gardens, and joins roofs
         across them: what has ground in between is drawn again with the disc for twice as many
@@ -380,21 +420,19 @@ class ClassifyBuildings:
         vehicle then was one of a row. A disc smaller than for dense points also parts what only
         looks like a roof: then most of a region must be left.
         """
-        open_below = ground_seen(shapes, features) > SEEN
-        if not open_below.any():
-            return shapes
         smaller = lengths._replace(alpha=lengths.alpha * HALF_AS_DENSE)
         dense = (1 - ROUNDING) * ALPHA * features.cloud.metre
-        if self.alpha is not None or smaller.alpha < min(dense, BELOW_DISC * lengths.spacing):
-            return shapes[~open_below]
-        around = shapely.buffer(shapes[open_below], TOUCHING * features.cloud.metre)
+        if not len(shapes) or smaller.alpha < min(dense, BELOW_DISC * lengths.spacing):
+            return shapes[:0]
+        around = shapely.buffer(shapes, TOUCHING * features.cloud.metre)
         again = planes & Polygons.of(around).hold(features.xyz)  # their corners are points, too
-        parts = self._regions(features, again, smaller, ctx)
+        parts = self._regions(features, again, smaller, _gaps(features, lengths), ctx)
         parts = parts[~as_narrow_and_low(parts, features)]
-        parts = self._without_ground(features, planes, parts, smaller, ctx)
-        if smaller.alpha < dense:
-            parts = _most_of(parts, shapes[open_below])
-        return np.concatenate([shapes[~open_below], parts])
+        parts = parts[~in_rows(parts, features, planes, lengths.alpha)]
+        open_below = ground_seen(parts, features) > SEEN
+        others = self._without_ground(features, planes, parts[open_below], smaller, ctx)
+        parts = np.concatenate([parts[~open_below], others])
+        return _most_of(parts, shapes) if smaller.alpha < dense else parts
 
     def _rows(
         self,
@@ -416,6 +454,7 @@ class ClassifyBuildings:
             ctx.progress(done / len(shapes))
             inside = features.within(shape.buffer(TOUCHING * features.cloud.metre), planes)
             roof, straight = self._drawn(shape, len(inside) / shape.area, lengths)
+            roof = within_data(roof, features, lengths.spacing)
             walls = roof.buffer(-self.overhang, join_style="mitre")
             narrow += walls.is_empty
             of_roof = heights(features, inside, shape, lengths)
@@ -511,11 +550,18 @@ class ClassifyBuildings:
         return Vector(frame, geometry_type="Polygon")
 
 
+def _gaps(features: _evidence.PointFeatures, lengths: Lengths) -> Gaps:
+    """Where ground is seen between what looks like a roof: between houses, a wall and a lamp."""
+    radius = BELOW_DISC * lengths.spacing
+    return Gaps(radius, partial(is_ground_around, features, radius))
+
+
 def _most_of(parts: Shapes, regions: Shapes) -> Shapes:
-    """Parts of regions that are most of one."""
-    part, region = shapely.STRtree(regions).query(parts, "intersects")[:2]
+    """Parts of the regions of which most is left."""
+    part, region = shapely.STRtree(regions).query(parts, "intersects")
     shared = shapely.area(shapely.intersection(parts[part], regions[region]))
-    return np.asarray(parts[np.unique(part[shared >= MOST * shapely.area(regions[region])])])
+    left = np.bincount(region, shared, minlength=len(regions)) >= MOST * shapely.area(regions)
+    return np.asarray(parts[np.unique(part[left[region]])])
 
 
 def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIET) -> Mask:

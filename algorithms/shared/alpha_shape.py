@@ -61,10 +61,24 @@ class AlphaShape(NamedTuple):
     least: float
 
 
+class Gaps(NamedTuple):
+    """Where no triangle may bridge a gap between points.
+
+    Attributes
+    ----------
+    radius : only triangles with larger circles around them are asked, in the unit of the points
+    are_open : of the middles of these, array of shape (m, 2), which lie in a gap: shape (m,)
+    """
+
+    radius: float
+    are_open: Callable[[Floats], Mask]
+
+
 def alpha_shape(
     xy: Floats,
     alpha: float | Rule,
     *,
+    gaps: Gaps | None = None,
     hole_threshold: float = 0.0,
     region_threshold: float = 0.0,
     ctx: Context = QUIET,
@@ -78,6 +92,7 @@ def alpha_shape(
         the convex hull. "all_points" is the least for which every point is part of a region,
         "auto" the least for which there is one region besides. (A still larger one may have
         more, since a triangle may come up in the middle of a hole.)
+    gaps : triangles that the shape has by alpha, and yet are none of it
     hole_threshold : patches without triangles, closed in on all sides, of a smaller area are
         filled. What lies within becomes part of the region around it.
     region_threshold : regions of a smaller area, after that, are dropped
@@ -107,7 +122,11 @@ def alpha_shape(
     radii = circumradii(mesh, ctx=ctx.part(0.7, 0.75))
     chosen = critical_alpha(mesh, radii, alpha) if isinstance(alpha, str) else float(alpha)
     ctx.progress(0.85)
-    kept = _trimmed(mesh, radii <= chosen * (1 + ROUNDING), hole_threshold, region_threshold)
+    kept = radii <= chosen * (1 + ROUNDING)
+    if gaps is not None:
+        asked = np.flatnonzero(kept & (radii > gaps.radius))
+        kept[asked] = ~gaps.are_open(mesh.xy[mesh.triangles[asked]].mean(axis=1))
+    kept = _trimmed(mesh, kept, hole_threshold, region_threshold)
     ctx.progress(0.95)
     polygons, points, _ = _outlined(mesh, kept)
     ctx.progress(1.0)

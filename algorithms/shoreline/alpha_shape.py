@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -145,12 +146,14 @@ class ShorelineAlphaShape:
         self, xy: NDArray[np.float64], keep: NDArray[np.bool_], ctx: Context
     ) -> Iterator[tuple[Any, AlphaShape]]:
         """Value of each group (None without groups) and its alpha shape."""
-        thresholds = {
-            "hole_threshold": self.hole_threshold,
-            "region_threshold": self.region_threshold,
-        }
+        shape = partial(
+            alpha_shape,
+            alpha=self.alpha,
+            hole_threshold=self.hole_threshold,
+            region_threshold=self.region_threshold,
+        )
         if self.group is None:
-            yield None, alpha_shape(xy, self.alpha, **thresholds, ctx=ctx)
+            yield None, shape(xy, ctx=ctx)
             return
         values = self.points[self.group][keep]
         if values.dtype.kind == "f" and np.isnan(values).any():
@@ -163,7 +166,7 @@ class ShorelineAlphaShape:
             part = ctx.part(first / len(order), last / len(order))
             part.progress(0.0)
             try:
-                yield value, alpha_shape(xy[order[first:last]], self.alpha, **thresholds, ctx=part)
+                yield value, shape(xy[order[first:last]], ctx=part)
             except DataError:
                 without += 1
         if without == len(groups):

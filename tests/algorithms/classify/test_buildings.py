@@ -21,7 +21,7 @@ from algorithms.classify._crowns import crowns
 from algorithms.classify._density import Lengths
 from algorithms.classify._doubtful_heights import warn_of_doubtful_heights
 from algorithms.classify._evidence import PointFeatures
-from algorithms.classify._outlines import margin
+from algorithms.classify._outlines import margin, within_data
 from algorithms.classify._refused import warn_of_lost
 from algorithms.classify._squared import main_direction, squared
 from algorithms.classify.buildings import ClassifyBuildings, on_planes
@@ -336,17 +336,20 @@ def test_the_smallest_building_decides_about_the_shed() -> None:
     assert ClassifyBuildings(points=points, min_height=9.0).run().building_share == 0
 
 
-@pytest.mark.parametrize(("deep", "count"), [(8.0, 1), (13.0, 0)])
-def test_a_roof_with_open_courts_hides_the_ground_but_in_them(deep: float, count: int) -> None:
+@pytest.mark.parametrize(("deep", "apart", "count"), [(8.0, 5.4, 1), (13.0, 5.4, 3), (9.5, 3.6, 0)])
+def test_a_roof_with_open_courts_hides_the_ground_but_in_them(
+    deep: float, apart: float, count: int
+) -> None:
     """In Williams a house of 205 m2 with two courts 2.5 m wide was lost, as the disc covers them.
 
-    Where the courts cut it through, strips of 3 m are left, as of stalls: no roof of one building.
+    Where the courts cut it through, three houses of 3 m are left. Strips of 1.2 m are cut off: what
+    is mostly such strips is no roof.
     """
 
     points = village()
     x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
     inside = (abs(x - 15) < 9) & (abs(y - 12) < 6.5)
-    roof = inside & ~((x % 5.4 < 2.4) & (y > 18.5 - deep))
+    roof = inside & ~((x % apart < 2.4) & (y > 18.5 - deep))
     heights = np.where(inside, 100 + 0.02 * x, points.xyz[:, 2])
     heights[roof] = 104 + np.random.default_rng(0).normal(0, 0.02, roof.sum())
     classes = np.where(inside, np.where(roof, 1, 2), points["classification"]).astype(np.uint8)
@@ -802,3 +805,44 @@ def test_roofs_of_a_real_city(data: Callable[[str], Path]) -> None:
     out = ClassifyBuildings(points=GroundClassify(points=points).run().classified).run()
     found, true = (c["classification"] == 6 for c in (out.classified, points))
     assert (found & true).sum() / (found | true).sum() > 0.95
+
+
+@pytest.mark.parametrize("density", [16.0, 8.0])
+def test_a_lamp_beside_a_wall_is_not_in_the_outline(density: float) -> None:
+    """The disc reaches from a wall to a lamp 1.8 m off: ground is seen between them."""
+    points = village(density)
+    x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
+    lamp = (abs(x - 15) < 0.8) & (abs(y - 17.7) < 0.4)
+    xyz, classes = points.xyz.copy(), points["classification"].copy()
+    xyz[lamp, 2], classes[lamp] = 106, 1
+    made = points.with_xyz(xyz).with_attributes({"classification": classes})
+    (row,) = ClassifyBuildings(points=made).run().outlines.frame.to_dict("records")
+    house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
+    assert row["geometry"].difference(house.buffer(0.5)).area < 0.2
+    with_lamp = ClassifyBuildings(points=made, alpha=1.5).run().outlines.frame.geometry[0]
+    assert with_lamp.difference(house.buffer(0.5)).area > 0.4, "without ground the disc decides"
+
+
+@pytest.mark.parametrize(("between", "count"), [(2, 2), (1, 1)])
+def test_houses_are_apart_where_ground_is_seen_between(between: int, count: int) -> None:
+    """A passage of 2 m, which the disc covers, lost both; one is left where no ground is seen."""
+    points = village()
+    x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
+    passage = (abs(x - 15) < 1) & (abs(y - 12) < 4)
+    xyz, classes = points.xyz.copy(), points["classification"].copy()
+    xyz[passage, 2] = (100 + 0.02 * x)[passage]
+    classes[passage] = between
+    made = points.with_xyz(xyz).with_attributes({"classification": classes})
+    assert len(ClassifyBuildings(points=made).run().outlines) == count
+
+
+def test_no_corner_lies_beyond_the_data() -> None:
+    """The corner of two walls that the edge of the data cuts off is not seen."""
+    points = village(30.0)
+    x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
+    some = PointFeatures(points.select(x + y < 36), 1.0, 3.0, ground_classes=(2,))
+    house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
+    corner = shapely.Polygon([(500_021, 4_600_015), (500_021, 4_600_016), (500_020, 4_600_016)])
+    seen = house.difference(corner)
+    assert within_data(house, some, 0.18).symmetric_difference(seen).area < 0.3
+    assert within_data(seen.buffer(-0.5), some, 0.18) == seen.buffer(-0.5)

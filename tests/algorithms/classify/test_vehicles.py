@@ -102,6 +102,24 @@ def test_no_lorry_is_taken_out_of_a_row_that_a_crown_joins() -> None:
     assert (classes[truth] == 6).mean() < 0.01
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_two_lorries_side_by_side_are_no_building(seed: int) -> None:
+    """Between them is a line of ground in which no disc has room: 0.06 to 0.09 of all points."""
+    two: list[Box] = [(10, 26, 10, 12.5, 3.5), (10, 26, 12.85, 15.35, 3.5)]
+    assert outlines(yard(*two, density=16.0, seed=seed)) == []
+    assert len(outlines(yard((10, 26, 10, 15.35, 3.5), density=16.0, seed=seed))) == 1
+
+
+def test_a_shed_through_which_some_pulses_pass_is_one() -> None:
+    """Narrow between the places where ground is seen, but of these are too few for a row."""
+    points = yard((10, 22, 10, 13.2, 3.5), density=16.0)
+    xyz, classes = points.xyz.copy(), points["classification"].copy()
+    some = np.flatnonzero(xyz[:, 2] > 52)[::25]
+    xyz[some, 2], classes[some] = 50, 2
+    made = points.with_xyz(xyz).with_attributes({"classification": classes})
+    assert len(outlines(made)) == 1
+
+
 def test_ground_between_tells_a_row_of_trams_from_a_hall() -> None:
     """At 3 points per square metre gaps of 0.8 m are not seen between neighbours."""
     row: list[Box] = [(5, 33, 10 + 3.3 * k, 12.5 + 3.3 * k, 3.5) for k in range(4)]
@@ -250,6 +268,9 @@ def test_what_is_drawn_again_as_narrow_and_as_low_as_a_bus_is_none() -> None:
     shapes = shapely.box([10.0] * 3, [10.0, 20.0, 30.0], [22.0] * 3, [12.5, 23.0, 32.5])
     shapes = shapely.transform(shapes, lambda xy: xy + np.array([500_000, 4_600_000]))
     assert as_narrow_and_low(shapes, some).tolist() == [True, False, False]
+    crowned = shapely.union(shapes[0], shapely.buffer(shapely.centroid(shapes[0]), 2.0))
+    hall = shapely.union(shapes[0], shapely.buffer(shapely.centroid(shapes[0]), 4.5))
+    assert as_narrow_and_low(np.array([crowned, hall]), some).tolist() == [True, False]
     bare = street(seed=2, density=1.0)
     ground = bare.with_attributes({"classification": np.where(bare["truth"] == 2, 2, 1)})
     found = ClassifyBuildings(points=ground).run().classified["classification"]

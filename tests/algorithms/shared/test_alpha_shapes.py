@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, Delaunay
 
-from algorithms.shared.alpha_shape import AlphaShape, alpha_shape, alpha_shapes_of_groups
+from algorithms.shared.alpha_shape import AlphaShape, Gaps, alpha_shape, alpha_shapes_of_groups
 from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -288,3 +288,20 @@ def test_groups_have_the_shapes_that_they_have_alone() -> None:
 
 def test_groups_without_a_triangle() -> None:
     assert len(alpha_shapes_of_groups(np.zeros((2, 2)), np.array([0, 1]), 1.0)[0]) == 0
+
+
+def test_no_wide_triangle_bridges_a_gap() -> None:
+    """Two squares 2 apart: triangles between them, and only these, are asked and left out."""
+    square = np.stack(np.meshgrid(np.arange(4.0), np.arange(4.0)), -1).reshape(-1, 2)
+    xy = np.concatenate([square, square + np.array([5.0, 0.0])])
+    asked: list[Any] = []
+
+    def are_open(places: Any) -> Any:
+        asked.extend(places[:, 0])
+        return np.full(len(places), True)
+
+    assert len(alpha_shape(xy, 2.0).polygons) == 1
+    shape = alpha_shape(xy, 2.0, gaps=Gaps(0.75, are_open))
+    assert [polygon.area for polygon in shape.polygons] == [9.0, 9.0]
+    assert 3 < min(asked) < max(asked) < 5
+    assert len(alpha_shape(xy, 2.0, gaps=Gaps(1.5, are_open)).polygons) == 1

@@ -98,29 +98,36 @@ def fronts_of(
     upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
     parts = parts_of(np.asarray(ids, np.int32), len(planes))
     waiting = [_part(k, planes[k], xyz[_some(parts[k])], metre) for k in upright if len(parts[k])]
-    support = {part.number: _support(part, waiting, planes) for part in waiting if part.wide}
+    level = {part.number: _in_plane(part, waiting, planes) for part in waiting if part.wide}
+    support = {number: sum(part.area for part in same) for number, same in level.items()}
     waiting.sort(key=lambda part: (-support.get(part.number, 0.0), -part.area, part.number))
+    upright_points = np.isin(ids, [k + 1 for k in upright])
     found = []
     while (first := next((part for part in waiting if part.wide), None)) is not None:
+        left = {part.number for part in waiting}
+        same = [part for part in level[first.number] if part.number in left]
+        first = max((part for part in same if part.wide), key=lambda part: part.area)
         reference = planes[first.number]
         members = _members(first, reference, waiting, planes, depth, STOREY * metre)
         chosen = {part.number for part in members}
         waiting = [part for part in waiting if part.number not in chosen]
-        outwards = outside(xyz, reference, parts[first.number], metre)
+        own = np.concatenate([parts[part.number] for part in same if part.number in chosen])
+        others = upright_points & ~np.isin(ids, [k + 1 for k in chosen])
+        outwards = outside(xyz, reference, own, metre, others)
         relief = [float(np.median(outwards.distances(part.xyz))) for part in members]
         found.append(Front(outwards, [part.number for part in members], np.array(relief)))
     return found
 
 
-def _support(part: _Part, others: list[_Part], planes: Sequence[Plane]) -> float:
-    """Area of all planes in the plane of a part, as far as their points and its own spread."""
+def _in_plane(part: _Part, others: list[_Part], planes: Sequence[Plane]) -> list[_Part]:
+    """The parts in the plane of one, as far as their points and its own spread."""
     plane = planes[part.number]
     limit = COPLANAR * float(np.quantile(np.abs(plane.distances(part.few)), INNER[1]))
-    return sum(
-        other.area
+    return [
+        other
         for other in others
         if np.quantile(np.abs(plane.distances(other.few)), INNER[1]) <= limit
-    )
+    ]
 
 
 def _some(part: NDArray[Any]) -> NDArray[Any]:
@@ -171,41 +178,48 @@ def _box(uv: Floats) -> Any:
     return shapely.box(*low, *high)
 
 
-def outside(xyz: Floats, plane: Plane, own: Ints, metre: float) -> Plane:
+def outside(xyz: Floats, plane: Plane, own: Ints, metre: float, others: Mask) -> Plane:
     """The plane with its normal towards the side from which it was seen.
 
-    A wall hides what is behind it. So points away from it are before it if they lie over the wall
-    or beside it; what lies over its gaps may have been seen through them. Without such points,
-    what is in the gaps stands back.
+    A wall hides what is behind it. So ground away from it is before it if it lies over the wall;
+    what lies over its gaps may have been seen through them, and what lies near its ends past them.
+    Without ground, what is in the gaps stands back. Walls of other fronts, on the other side of the
+    street or around the corner, are neither: they count where nothing else tells a side.
 
     Parameters
     ----------
     own : indices of the points on the plane
+    others : array of shape (n,), which points are on upright planes of other fronts
     """
     uv, away = _flat(plane, xyz), plane.distances(xyz)
     picture = _Picture.of(uv[own])
     inside = picture.inside(uv)
-    within = (uv[:, 0] >= picture.low[0]) & (uv[:, 0] <= picture.high[0])
+    past = min(ASIDE * metre, (picture.high[0] - picture.low[0]) / 4)
+    within = (uv[:, 0] >= picture.low[0] + past) & (uv[:, 0] <= picture.high[0] - past)
     gap = np.zeros(len(xyz), bool)
     gap[inside] = picture.gaps()[picture.cells(uv[inside])]
-    aside = np.abs(away) > ASIDE * metre
-    free = aside & within & ~gap
-    sides = _sides(uv[free, 0], away[free], SQUARE * metre, SOME * len(own))
-    if max(sides) > DECISIVE * min(sides):
-        return plane if sides[0] > sides[1] else replace(plane, normal=-plane.normal)
+    free = (np.abs(away) > ASIDE * metre) & within & ~gap
     spread = 3 * math.sqrt(float(np.mean(away[own] ** 2)))
-    set_back = [
-        len(np.unique(picture.cells(uv[gap & (sign * away > spread)]), axis=1).T)
-        for sign in (1, -1)
-    ]
-    # What stands before gaps, such as balconies, may be as much as what is seen in them.
-    before = (sides[0] + 1) * (set_back[1] + 1)
-    behind = (sides[1] + 1) * (set_back[0] + 1)
+    before = behind = 0
+    for walls in (others, np.zeros(len(xyz), bool)):
+        ground = _sides(uv[free, 0], away[free], walls[free], SQUARE * metre, SOME * len(own))
+        if max(ground) > DECISIVE * min(ground):
+            before, behind = ground
+            break
+        set_back = [
+            len(np.unique(picture.cells(uv[gap & ~walls & (sign * away > spread)]), axis=1).T)
+            for sign in (1, -1)
+        ]
+        # What stands before gaps, such as balconies, may be as much as what is seen in them.
+        before = (ground[0] + 1) * (set_back[1] + 1)
+        behind = (ground[1] + 1) * (set_back[0] + 1)
+        if max(before, behind) > DECISIVE * min(before, behind):
+            break
     return plane if before >= behind else replace(plane, normal=-plane.normal)
 
 
-def _sides(along: Floats, away: Floats, side: float, least: float) -> list[int]:
-    """Squares of the ground before and behind a wall that hold points.
+def _sides(along: Floats, away: Floats, walls: Mask, side: float, least: float) -> list[int]:
+    """Squares of the ground before and behind a wall that hold points, and none of other walls.
 
     Each counts once: a side wall behind the corner of a house holds more points than the street,
     but stands on few squares. A side of fewer points than the least has none.
@@ -213,12 +227,17 @@ def _sides(along: Floats, away: Floats, side: float, least: float) -> list[int]:
     Parameters
     ----------
     along, away : places of points along a wall, and their distances from it
+    walls : which of them are on other walls
     side : of a square
     """
     squares = np.floor(np.column_stack([along, away]) / side).astype(np.int64)
+    held, square = np.unique(squares, axis=0, return_inverse=True)
+    square = square.reshape(-1)
+    built = np.bincount(square, walls, len(held)) > 0
+    left = ~built[square]
     return [
-        len(np.unique(squares[here], axis=0)) if here.sum() >= least else 0
-        for here in (away > 0, away < 0)
+        len(np.unique(square[here])) if here.sum() >= least else 0
+        for here in (left & (away > 0), left & (away < 0))
     ]
 
 
@@ -363,7 +382,8 @@ def elevation(
         return geopandas.GeoDataFrame({"plane_id": []}, geometry=[])
     upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
     main = max(upright or range(len(planes)), key=lambda k: solid["area"][k])
-    front = outside(xyz, planes[main], np.flatnonzero(ids == main + 1), metre)
+    others = np.isin(ids, [k + 1 for k in upright if k != main])
+    front = outside(xyz, planes[main], np.flatnonzero(ids == main + 1), metre, others)
     view = View.of(front, shapely.get_coordinates(solid.geometry[main], include_z=True))
     like = [k for k, plane in enumerate(planes) if abs(plane.normal @ front.normal) >= ALIKE]
     shown = solid.iloc[like][["plane_id", "area", "points"]].copy()

@@ -473,12 +473,12 @@ class PlanesOpenings:
         if self.plane is not None and self.plane not in numbers:
             raise DataError(f"points: none is on plane {self.plane} by {self.attribute}")
         fronts = fronts_of(xyz, ranks, planes, depth=self.front_depth, metre=metre)
+        upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
         if self.plane is not None:
             alone = int(np.searchsorted(numbers, self.plane))
             fronts = [front for front in fronts if alone in front.members]
         elif not fronts:
             sizes = np.bincount(ranks, minlength=len(planes) + 1)[1:]
-            upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
             if not upright:
                 raise DataError(
                     f"points: no plane of {self.attribute} is upright, so there is no front: "
@@ -494,7 +494,9 @@ class PlanesOpenings:
                 len(planes) - 1,
             )
         if not fronts:
-            outwards = outside(xyz, planes[alone], np.flatnonzero(ranks == alone + 1), metre)
+            others = np.isin(ranks, [k + 1 for k in upright if k != alone])
+            own = np.flatnonzero(ranks == alone + 1)
+            outwards = outside(xyz, planes[alone], own, metre, others)
             fronts = [Front(outwards, [alone], np.zeros(1))]
         return fronts
 

@@ -16,13 +16,13 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.planes._fronts import outside
+from algorithms.planes._fronts import fronts_of, outside
 from algorithms.planes._gaps import _squares
 from algorithms.planes._openings import EITHER, SIDES, Opening, _with_intervals, kind_of
 from algorithms.planes._relief import _held, _holes, _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
-from algorithms.planes.openings import PlanesOpenings
+from algorithms.planes.openings import PlanesOpenings, fitted
 from algorithms.samples.scene import scene
 from algorithms.shared.plane_fit import Plane
 from toolbox.data import PointCloud
@@ -836,7 +836,82 @@ def test_balconies_before_gaps_do_not_turn_a_front() -> None:
     xyz = np.vstack([wall, before, behind, ground])
     for normal in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
         plane = Plane(np.array(normal), np.zeros(3), np.zeros(3))
-        assert outside(xyz, plane, np.arange(len(wall)), 1.0).normal[1] == -1.0
+        none = np.zeros(len(xyz), bool)
+        assert outside(xyz, plane, np.arange(len(wall)), 1.0, none).normal[1] == -1.0
+
+
+def wall_with_panes(back: float) -> tuple[Any, Any]:
+    """Points of a wall of 10 by 6 m with two gaps, and of the panes in these, seen from -y."""
+    x, z = (grid.ravel() for grid in np.meshgrid(np.arange(0, 10, 0.1), np.arange(0, 6, 0.1)))
+    gap = (np.abs(z - 3) < 1) & ((np.abs(x - 3) < 1) | (np.abs(x - 7) < 1))
+    return np.column_stack([x, 0 * x, z])[~gap], np.column_stack([x, 0 * x + back, z])[gap]
+
+
+@pytest.mark.parametrize("place", ["around the corner", "behind the house", "over the street"])
+def test_the_walls_of_other_fronts_are_no_street(place: str) -> None:
+    """Each of the first two lies behind the wall, and there is no ground at all."""
+    wall, pane = wall_with_panes(0.2)
+    along, up = (grid.ravel() for grid in np.meshgrid(np.arange(0, 12, 0.1), np.arange(0, 6, 0.1)))
+    other = {
+        "around the corner": np.column_stack([0 * along + 9.9, along, up]),
+        "behind the house": np.column_stack([along, 0 * along + 8, up]),
+        "over the street": np.column_stack([along, 0 * along - 8, up]),
+    }[place]
+    xyz = np.vstack([wall, pane, other])
+    others = np.arange(len(xyz)) >= len(wall) + len(pane)
+    for normal in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
+        plane = Plane(np.array(normal), np.zeros(3), np.zeros(3))
+        assert outside(xyz, plane, np.arange(len(wall)), 1.0, others).normal[1] == -1.0
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_walls_of_other_fronts_tell_the_side_where_nothing_else_does(way: float) -> None:
+    wall, _ = wall_with_panes(0.2)
+    along, up = (grid.ravel() for grid in np.meshgrid(np.arange(0, 12, 0.1), np.arange(0, 6, 0.1)))
+    xyz = np.vstack([wall, np.column_stack([along, 0 * along + 8 * way, up])])
+    plane = Plane(np.array([0.0, 1.0, 0.0]), np.zeros(3), np.zeros(3))
+    seen = outside(xyz, plane, np.arange(len(wall)), 1.0, np.arange(len(xyz)) >= len(wall))
+    assert seen.normal[1] == way
+
+
+def test_what_is_seen_past_the_end_of_a_wall_is_not_before_it() -> None:
+    """Goods beside the end of the house, on no plane, and no ground."""
+    wall, pane = wall_with_panes(0.2)
+    goods = np.random.default_rng(2).random((4_000, 3)) * [0.9, 12, 3] + [9.1, 1.5, 0]
+    xyz = np.vstack([wall, pane, goods])
+    plane = Plane(np.array([0.0, 1.0, 0.0]), np.zeros(3), np.zeros(3))
+    none = np.zeros(len(xyz), bool)
+    assert outside(xyz, plane, np.arange(len(wall)), 1.0, none).normal[1] == -1.0
+
+
+@pytest.mark.parametrize("noise", [0.002, 0.02])
+def test_a_strip_in_the_plane_of_a_wall_is_not_its_reference(noise: float) -> None:
+    """However much its points scatter: it has no gaps, so that none tells what stands back."""
+    rng = np.random.default_rng(3)
+    wall, pane = wall_with_panes(0.2)
+    along, up = rng.random((2, 3_000)) * [[2.6], [2.6]]
+    strip = np.column_stack([along + 10.3, rng.normal(0, noise, len(along)), up])
+    wall[:, 1] += rng.normal(0, 0.002, len(wall))
+    xyz = np.vstack([wall, pane, strip])
+    ids = np.repeat([1, 2, 3], [len(wall), len(pane), len(strip)]).astype(np.int32)
+    planes = [fitted(xyz[ids == k]) for k in (1, 2, 3)]
+    front = fronts_of(xyz, ids, planes, depth=1.5, metre=1.0)[0]
+    assert front.members[0] == 0
+    assert front.plane.normal[1] < -0.99
+
+
+def test_gaps_of_all_pieces_of_a_wall_tell_its_side() -> None:
+    """The largest piece has none."""
+    wall, pane = wall_with_panes(0.2)
+    x, z = (grid.ravel() for grid in np.meshgrid(np.arange(11, 23, 0.1), np.arange(0, 6, 0.1)))
+    blank = np.column_stack([x, 0 * x, z])
+    xyz = np.vstack([wall, pane, blank])
+    ids = np.repeat([1, 2, 3], [len(wall), len(pane), len(blank)]).astype(np.int32)
+    for normal in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
+        planes = [Plane(np.array(normal), np.zeros(3), xyz[ids == k][0]) for k in (1, 2, 3)]
+        front = fronts_of(xyz, ids, planes, depth=1.5, metre=1.0)[0]
+        assert front.members[0] == 2
+        assert front.plane.normal[1] == -1.0
 
 
 def test_a_front_on_a_curve_is_told(caplog: pytest.LogCaptureFixture) -> None:

@@ -61,11 +61,13 @@ class Front(NamedTuple):
     plane : the reference, the normal towards the outside
     members : index of each plane, the reference first, then by its size
     relief : array of shape (m,), how far each lies before the reference, the median of its points
+    sided : whether something tells from which side it was seen
     """
 
     plane: Plane
     members: list[int]
     relief: Floats
+    sided: bool
 
 
 class _Part(NamedTuple):
@@ -113,9 +115,9 @@ def fronts_of(
         waiting = [part for part in waiting if part.number not in chosen]
         own = np.concatenate([parts[part.number] for part in same if part.number in chosen])
         others = upright_points & ~np.isin(ids, [k + 1 for k in chosen])
-        outwards = outside(xyz, reference, own, metre, others)
-        relief = [float(np.median(outwards.distances(part.xyz))) for part in members]
-        found.append(Front(outwards, [part.number for part in members], np.array(relief)))
+        outwards, sided = outside(xyz, reference, own, metre, others)
+        relief = np.array([float(np.median(outwards.distances(part.xyz))) for part in members])
+        found.append(Front(outwards, [part.number for part in members], relief, sided))
     return found
 
 
@@ -178,8 +180,8 @@ def _box(uv: Floats) -> Any:
     return shapely.box(*low, *high)
 
 
-def outside(xyz: Floats, plane: Plane, own: Ints, metre: float, others: Mask) -> Plane:
-    """The plane with its normal towards the side from which it was seen.
+def outside(xyz: Floats, plane: Plane, own: Ints, metre: float, others: Mask) -> tuple[Plane, bool]:
+    """The plane with its normal towards the side from which it was seen, and whether that is told.
 
     A wall hides what is behind it. So ground away from it is before it if it lies over the wall;
     what lies over its gaps may have been seen through them, and what lies near its ends past them.
@@ -200,11 +202,10 @@ def outside(xyz: Floats, plane: Plane, own: Ints, metre: float, others: Mask) ->
     gap[inside] = picture.gaps()[picture.cells(uv[inside])]
     free = (np.abs(away) > ASIDE * metre) & within & ~gap
     spread = 3 * math.sqrt(float(np.mean(away[own] ** 2)))
-    before = behind = 0
     for walls in (others, np.zeros(len(xyz), bool)):
         ground = _sides(uv[free, 0], away[free], walls[free], SQUARE * metre, SOME * len(own))
-        if max(ground) > DECISIVE * min(ground):
-            before, behind = ground
+        before, behind = ground
+        if max(before, behind) > DECISIVE * min(before, behind):
             break
         set_back = [
             len(np.unique(picture.cells(uv[gap & ~walls & (sign * away > spread)]), axis=1).T)
@@ -215,7 +216,8 @@ def outside(xyz: Floats, plane: Plane, own: Ints, metre: float, others: Mask) ->
         behind = (ground[1] + 1) * (set_back[0] + 1)
         if max(before, behind) > DECISIVE * min(before, behind):
             break
-    return plane if before >= behind else replace(plane, normal=-plane.normal)
+    told = any(ground) or max(before, behind) > DECISIVE * min(before, behind)
+    return plane if before >= behind else replace(plane, normal=-plane.normal), told
 
 
 def _sides(along: Floats, away: Floats, walls: Mask, side: float, least: float) -> list[int]:
@@ -383,7 +385,7 @@ def elevation(
     upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
     main = max(upright or range(len(planes)), key=lambda k: solid["area"][k])
     others = np.isin(ids, [k + 1 for k in upright if k != main])
-    front = outside(xyz, planes[main], np.flatnonzero(ids == main + 1), metre, others)
+    front, _ = outside(xyz, planes[main], np.flatnonzero(ids == main + 1), metre, others)
     view = View.of(front, shapely.get_coordinates(solid.geometry[main], include_z=True))
     like = [k for k, plane in enumerate(planes) if abs(plane.normal @ front.normal) >= ALIKE]
     shown = solid.iloc[like][["plane_id", "area", "points"]].copy()

@@ -84,6 +84,15 @@ def gaps(
     return sorted(made, key=lambda gap: gap.shape.bounds)
 
 
+def too_large(gap: Gap) -> bool:
+    """Whether a gap is no opening for its size alone: a rectangle with wall on three sides.
+
+    A strip between two parts of a wall has it on two.
+    """
+    walls = sum(share >= BESIDE for share in gap.beside)
+    return gap.dropped == TOO_WIDE and gap.rectangle and walls >= 3
+
+
 def _apart(found: list[Gap]) -> list[Gap]:
     """Those of several gaps that do not lie in a larger one, or in the same as one before."""
     kept: list[Gap] = []

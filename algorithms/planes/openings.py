@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from algorithms.planes import _columns as columns
 from algorithms.planes import _parameters as options
 from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside, turn
+from algorithms.planes._gaps import too_large
 from algorithms.planes._openings import (
     BLIND,
     COLUMNS,
@@ -308,11 +309,13 @@ class PlanesOpenings:
                 ctx=part,
             )
             seen.append(_Seen(int(numbers[front.members[0]]), near, relief, made))
+            self._warn_of_side(number + 1, front.sided, made)
             self._warn_if_bent(number + 1, turn(front, planes, np.bincount(ranks)[1:]))
             self._warn_if_sparse(number + 1, seen[-1].spacing)
             self._warn_if_noisy(number + 1, relief.step / cloud.metre)
             self._warn_if_two_sided(number + 1, relief.twice())
             self._warn_of_unseen(number + 1, made)
+            self._warn_of_wide(number + 1, made)
             self._warn_of_blind(number + 1, made)
             self._warn_of_either(number + 1, relief, made)
             self._warn_of_glass(number + 1, [int(numbers[k]) for k in relief.glass])
@@ -343,6 +346,35 @@ class PlanesOpenings:
             count,
             len(reasons),
             smaller,
+        )
+
+    def _warn_of_side(self, number: int, sided: bool, made: Openings) -> None:
+        """Say so where a front with gaps may be drawn from behind, as nothing tells its outside."""
+        if not sided and (made.found or made.dropped):
+            log.warning(
+                "from which side front %d was seen is not told by ground before it, nor by what "
+                "stands back in its gaps: it may be drawn from behind, left for right, and "
+                "openings be missed; give points of the street with it",
+                number,
+            )
+
+    def _warn_of_wide(self, number: int, made: Openings) -> None:
+        """Say so where gaps are no openings for their size alone."""
+        wide = [gap for gap in made.dropped if too_large(gap)]
+        if not wide:
+            return
+        metre = self.points.metre
+        sizes = [np.ptp(np.reshape(gap.shape.bounds, (2, 2)), axis=0) for gap in wide]
+        width, height = max(sizes, key=lambda size: float(size.prod())) / metre
+        setting = setting_name("max_width")
+        log.warning(
+            "gaps of front %d that are too large for openings, of clear form and with wall beside: "
+            "%d, the largest about %.1f m wide and %.1f m high; the layer dropped has where%s",
+            number,
+            len(wide),
+            width,
+            height,
+            f"; larger ones are looked for with {setting}" if setting else "",
         )
 
     def _warn_if_bent(self, number: int, degrees: float) -> None:
@@ -496,8 +528,8 @@ class PlanesOpenings:
         if not fronts:
             others = np.isin(ranks, [k + 1 for k in upright if k != alone])
             own = np.flatnonzero(ranks == alone + 1)
-            outwards = outside(xyz, planes[alone], own, metre, others)
-            fronts = [Front(outwards, [alone], np.zeros(1))]
+            outwards, sided = outside(xyz, planes[alone], own, metre, others)
+            fronts = [Front(outwards, [alone], np.zeros(1), sided)]
         return fronts
 
     def _layers(self, seen: list[_Seen]) -> tuple[Vector, Vector, Vector]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.planes._fronts import fronts_of, outside
-from algorithms.planes._gaps import _squares
+from algorithms.planes._gaps import TOO_WIDE, Gap, _squares, too_large
 from algorithms.planes._openings import EITHER, SIDES, Opening, _with_intervals, kind_of
 from algorithms.planes._relief import _held, _holes, _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
@@ -837,7 +837,7 @@ def test_balconies_before_gaps_do_not_turn_a_front() -> None:
     for normal in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
         plane = Plane(np.array(normal), np.zeros(3), np.zeros(3))
         none = np.zeros(len(xyz), bool)
-        assert outside(xyz, plane, np.arange(len(wall)), 1.0, none).normal[1] == -1.0
+        assert outside(xyz, plane, np.arange(len(wall)), 1.0, none)[0].normal[1] == -1.0
 
 
 def wall_with_panes(back: float) -> tuple[Any, Any]:
@@ -861,7 +861,7 @@ def test_the_walls_of_other_fronts_are_no_street(place: str) -> None:
     others = np.arange(len(xyz)) >= len(wall) + len(pane)
     for normal in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
         plane = Plane(np.array(normal), np.zeros(3), np.zeros(3))
-        assert outside(xyz, plane, np.arange(len(wall)), 1.0, others).normal[1] == -1.0
+        assert outside(xyz, plane, np.arange(len(wall)), 1.0, others)[0].normal[1] == -1.0
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
@@ -870,7 +870,7 @@ def test_walls_of_other_fronts_tell_the_side_where_nothing_else_does(way: float)
     along, up = (grid.ravel() for grid in np.meshgrid(np.arange(0, 12, 0.1), np.arange(0, 6, 0.1)))
     xyz = np.vstack([wall, np.column_stack([along, 0 * along + 8 * way, up])])
     plane = Plane(np.array([0.0, 1.0, 0.0]), np.zeros(3), np.zeros(3))
-    seen = outside(xyz, plane, np.arange(len(wall)), 1.0, np.arange(len(xyz)) >= len(wall))
+    seen, _ = outside(xyz, plane, np.arange(len(wall)), 1.0, np.arange(len(xyz)) >= len(wall))
     assert seen.normal[1] == way
 
 
@@ -881,7 +881,7 @@ def test_what_is_seen_past_the_end_of_a_wall_is_not_before_it() -> None:
     xyz = np.vstack([wall, pane, goods])
     plane = Plane(np.array([0.0, 1.0, 0.0]), np.zeros(3), np.zeros(3))
     none = np.zeros(len(xyz), bool)
-    assert outside(xyz, plane, np.arange(len(wall)), 1.0, none).normal[1] == -1.0
+    assert outside(xyz, plane, np.arange(len(wall)), 1.0, none)[0].normal[1] == -1.0
 
 
 @pytest.mark.parametrize("noise", [0.002, 0.02])
@@ -912,6 +912,58 @@ def test_gaps_of_all_pieces_of_a_wall_tell_its_side() -> None:
         front = fronts_of(xyz, ids, planes, depth=1.5, metre=1.0)[0]
         assert front.members[0] == 2
         assert front.plane.normal[1] == -1.0
+
+
+@pytest.mark.parametrize(
+    ("back", "street", "told"), [(0.2, False, False), (0.0, False, True), (0.0, True, False)]
+)
+def test_a_front_of_which_nothing_tells_the_side_is_told(
+    back: float, street: bool, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Panes stand back, or there is twice as much ground before the wall as behind."""
+    wall, pane = wall_with_panes(back)
+    u, v = (grid.ravel() for grid in np.meshgrid(np.arange(0, 10, 0.2), np.arange(-9, 5, 0.2)))
+    ground = np.column_stack([u, v, 0 * u])[: len(u) * street]
+    xyz = np.vstack([wall, pane[pane[:, 1] > 0], ground])
+    ids = np.where(np.arange(len(xyz)) < len(wall), 1, 2).astype(np.int32)
+    found(PointCloud(xyz, {"plane_id": ids}, crs=LOCAL))
+    assert ("from which side front 1 was seen is not told" in caplog.text) == told
+
+
+def test_a_wall_without_gaps_may_have_been_seen_from_either_side(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    x, z = (grid.ravel() for grid in np.meshgrid(np.arange(0, 8, 0.1), np.arange(0, 5, 0.1)))
+    xyz = np.column_stack([x, 0 * x, z])
+    found(PointCloud(xyz, {"plane_id": np.ones(len(x), np.int32)}, crs=LOCAL))
+    assert "from which side" not in caplog.text
+
+
+@pytest.mark.parametrize(("crs", "metre"), [(LOCAL, 1.0), (parse_crs("EPSG:2263"), 1 / 0.3048006)])
+def test_gaps_that_are_too_large_alone_are_told(
+    crs: Any, metre: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Shop windows as wide as two metres are none with a smaller limit, which is said."""
+    wall, pane = wall_with_panes(0.2)
+    xyz = metre * np.vstack([wall, pane])
+    ids = np.repeat([1, 2], [len(wall), len(pane)]).astype(np.int32)
+    cloud = PointCloud(xyz, {"plane_id": ids}, crs=crs)
+    assert found(cloud).count == 2
+    assert "too large for openings" not in caplog.text
+    found(cloud, max_width=1.5)
+    assert "with wall beside: 2, the largest about 1.9 m wide and 1.9 m high" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("rectangle", "beside", "told"),
+    [(True, (1, 0, 1, 1), True), (True, (0, 1, 1, 0), False), (False, (1, 1, 1, 1), False)],
+)
+def test_strips_and_ragged_gaps_are_not_told_as_too_large(
+    rectangle: bool, beside: Any, told: bool
+) -> None:
+    gap = Gap(shapely.box(0, 0, 5, 5), rectangle, "behind", TOO_WIDE, 1.0, beside)
+    assert too_large(gap) == told
+    assert not too_large(gap._replace(dropped="too narrow"))
 
 
 def test_a_front_on_a_curve_is_told(caplog: pytest.LogCaptureFixture) -> None:

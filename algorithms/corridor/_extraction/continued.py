@@ -264,11 +264,16 @@ def as_far(corridor: Corridor, wire: Wire, wires: Sequence[Wire]) -> Wire:
 
 def more_data(corridor: Corridor, wire: Wire, end: int, usual: float) -> float:
     """Metres from an end of a wire on to where the data end, or as far as usual if they do not."""
+    end_of_data = data_end(corridor, wire.curve, end, max(usual, 0.0) + SETTINGS.supports.along)
+    return min(usual, SETTINGS.supports.along) if end_of_data is None else end_of_data
+
+
+def data_end(corridor: Corridor, curve: Catenary, end: int, reach: float) -> float | None:
+    """Metres from an end of a curve on to where the data end; None if they go on to a reach."""
     side = SETTINGS.points.company_side
-    reach = max(usual, 0.0) + SETTINGS.supports.along
     steps = np.arange(0.0, reach + 2 * side, side / 4)
-    beyond = wire.curve.points(wire.curve.length + steps if end else -steps)[:, :2]
+    beyond = curve.points(curve.length + steps if end else -steps)[:, :2]
     unseen = [step for step, spot in zip(steps, beyond, strict=True) if not corridor.seen(*spot)]
     if not unseen:
-        return min(usual, SETTINGS.supports.along)
+        return None
     return max(float(unseen[0]) - side, 0.0)  # points were seen in a cell beside the last one

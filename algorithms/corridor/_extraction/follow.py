@@ -34,6 +34,7 @@ from algorithms.corridor._curves.structures import (
 from algorithms.corridor._curves.trace import trace_all
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
 from algorithms.corridor._extraction.continued import completed
+from algorithms.corridor._extraction.ends import with_ends
 from algorithms.corridor._extraction.spans import (
     Wire,
     are_no_accident,
@@ -102,7 +103,7 @@ def follow(
     lines = at_tolerances(corridor, voxel, max_gap, tolerances, ctx)
     wires, supports = together(corridor, lines)
     if not strips_disagree(corridor, wires):
-        return wires, supports
+        return to_data_ends(corridor, wires, supports)
     strip = corridor.strip[corridor.wires.order]
     arms = np.array([arms_in_plan(one) for one in seen_supports(supports)]).reshape(-1, 2, 2)
     apart: list[Line] = []
@@ -110,7 +111,8 @@ def follow(
         own, part = replace(corridor.of_strip(number), arms=arms), ctx.part(1.0, 1.0)
         apart += at_tolerances(own, voxel[strip == number], max_gap, tolerances, part)
     swung = strip_by_strip(corridor, apart)
-    return together(corridor, better(corridor, unbundled(corridor, lines, swung), swung))
+    lines = better(corridor, unbundled(corridor, lines, swung), swung)
+    return to_data_ends(corridor, *together(corridor, lines))
 
 
 def strip_by_strip(corridor: Corridor, lines: Sequence[Line]) -> list[Line]:
@@ -585,6 +587,13 @@ def numbered_anew(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
             wires.append(replace(wire, supports=(low, high), span=span, bundle=bundle, wire=number))
         supports += line.supports
     return shared(wires, supports)
+
+
+def to_data_ends(
+    corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
+) -> tuple[list[Wire], list[Support]]:
+    """The wires and supports, with what goes on behind the last of these to where the data end."""
+    return along_the_line(with_ends(corridor, wires, supports), supports)
 
 
 def along_the_line(

@@ -42,9 +42,10 @@ def with_ends(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Supp
     taken = np.zeros(len(corridor.air.xyz), bool)
     taken[on_any(corridor, wires)] = True
     for number, support in enumerate(supports):
-        held = list({w.wire: w for w in wires if number in w.supports}.values())
-        if len({is_ahead(wire.curve, support) for wire in held}) != 1:
+        own = [wire for wire in wires if number in wire.supports]
+        if len({is_ahead(wire.curve, support) for wire in own}) != 1:
             continue
+        held = list({wire.wire: wire for wire in own}.values())  # of two positions one
         span = 1 + max(wire.span for wire in found)
         more = [replace(one, span=span) for one in behind(corridor, number, support, held, taken)]
         if more:
@@ -79,7 +80,11 @@ def behind(
         for wire in made
         if wire.curve.length > clear
     ]
-    if not made or sum(chances) + math.log(len(tried)) >= math.log(SETTINGS.sparse.false_alarms):
+    if (
+        not made
+        or not are_seen_on(made)
+        or sum(chances) + math.log(len(tried)) >= math.log(SETTINGS.sparse.false_alarms)
+    ):
         return []
     return [wire for wire in made if leads(wire) and not is_on_roof(corridor, wire.curve)]
 
@@ -185,6 +190,20 @@ def going_on(wires: Sequence[Wire], held: Sequence[Wire]) -> list[Wire]:
     usual = seen.sum() * share / max(share.sum(), 1.0)
     surely_not = pdtr(seen, usual) < SETTINGS.sparse.false_alarms
     return [wire for wire, ends in zip(wires, surely_not.tolist(), strict=True) if not ends]
+
+
+def are_seen_on(wires: Sequence[Wire]) -> bool:
+    """Whether the points of no wire surely end before it does.
+
+    Wires that are tauter than the others leave the common shape; then it is that of none. Of n
+    points anywhere along a wire all are within a share of it with the n-th power of that.
+    """
+    ends = [
+        wire.curve.count * math.log(wire.known[1] / wire.curve.length)
+        for wire in wires
+        if wire.known[1] > 0
+    ]
+    return min(ends, default=0.0) > math.log(SETTINGS.sparse.false_alarms / max(1, len(ends)))
 
 
 def outwards(wire: Wire, number: int) -> Floats:

@@ -80,6 +80,12 @@ def test_a_wire_of_which_surely_points_would_be_seen_does_not_go_on() -> None:
     assert [one.wire for one in more(behind(-1.2, 0.0, many), behind(0.0, 0.0, many))] == [1, 2]
 
 
+def test_no_wire_goes_on_that_leaves_the_shape_of_the_others() -> None:
+    """Near the pole its points are on that shape still."""
+    near = (2.0, 2.2, 2.4, 2.6, 2.8)
+    assert not more(behind(-1.2, 0.0), behind(0.0, 0.0), behind(1.2, 0.0, near))
+
+
 def test_nothing_goes_on_where_the_data_do() -> None:
     """It is no end of the data: what stands there may be the last pole of the line."""
     points = [behind(aside, 0.0) for aside in ASIDE]
@@ -94,11 +100,14 @@ def test_points_anywhere_are_no_wires(seed: int) -> None:
 
 
 def test_no_wire_goes_on_where_the_line_does() -> None:
-    """The pole holds a wire at the other side."""
-    curve = replace(WIRES[0].curve, x=60.0, y=0.6)
-    other = replace(WIRES[0], curve=curve, supports=(1, -1), span=2, wire=4)
+    """The pole holds the same wires at the other side."""
+    span = [
+        replace(one, curve=replace(one.curve, x=60.0), supports=(1, -1), span=2) for one in WIRES
+    ]
     corridor = corridor_of(*(behind(aside, 0.4) for aside in ASIDE))
-    assert len(with_ends(corridor, [*WIRES, other], SUPPORTS)) == 4
+    for beyond in (span, [replace(span[0], wire=4, curve=replace(span[0].curve, y=0.6))]):
+        wires = [*beyond, *WIRES]
+        assert with_ends(corridor, wires, SUPPORTS) == wires
 
 
 def test_wires_go_on_at_the_other_end_as_well() -> None:

@@ -74,7 +74,9 @@ def behind(
         return []
     if shape.ex * mean[0] + shape.ey * mean[1] < 0:
         shape = turned(shape)
-    made = going_on(list(along(corridor, number, held, begin, shape, longest, radius)), held)
+    made = going_on(
+        list(along(corridor, number, held, begin, shape, longest, (clear, radius))), held
+    )
     chances = [
         chance(corridor, wire.curve.between(clear, wire.curve.length), radius, taken)
         for wire in made
@@ -155,9 +157,15 @@ def along(
     begin: Floats,
     shape: Catenary,
     longest: float,
-    radius: float,
+    reach: tuple[float, float],
 ) -> Iterator[Wire]:
-    """The wires of one shape, from where they hang to where the data end."""
+    """The wires of one shape, from where they hang to where the data end.
+
+    Parameters
+    ----------
+    reach : from where on along a wire, and how near to it, points are its own, metres
+    """
+    clear, radius = reach
     first = float(shape.along(np.zeros((1, 3)))[0][0])
     for wire, (x, y, z) in zip(held, begin.tolist(), strict=True):
         moved = replace(
@@ -171,7 +179,7 @@ def along(
         if more is None:
             continue
         curve = moved.between(first, first + 1.0 + more)
-        own, _ = corridor.wires.around(curve, radius, 0.0, curve.length)
+        own, _ = corridor.wires.around(curve, radius, clear, curve.length)
         u, _ = curve.along(corridor.wires.xyz[own])
         known = (float(u.min()), float(u.max())) if len(own) else (0.0, 0.0)
         yield replace(
@@ -198,9 +206,11 @@ def are_seen_on(wires: Sequence[Wire]) -> bool:
     Wires that are tauter than the others leave the common shape; then it is that of none. Of n
     points anywhere along a wire all are within a share of it with the n-th power of that.
     """
+    unsure = 2 * SETTINGS.points.company_side  # the cell where the data end and the one before it
+    lengths = [max(wire.known[1], wire.curve.length - unsure) for wire in wires]
     ends = [
-        wire.curve.count * math.log(wire.known[1] / wire.curve.length)
-        for wire in wires
+        wire.curve.count * math.log(wire.known[1] / length)
+        for wire, length in zip(wires, lengths, strict=True)
         if wire.known[1] > 0
     ]
     return min(ends, default=0.0) > math.log(SETTINGS.sparse.false_alarms / max(1, len(ends)))

@@ -75,6 +75,14 @@ def test_a_wire_without_points_goes_on_beside_the_others() -> None:
     assert [one.wire for one in more(behind(-1.2, 0.0, few), behind(0.0, 0.0, few))] == [1, 2, 3]
 
 
+def test_points_at_the_pole_are_of_no_wire() -> None:
+    """Arms and insulators are there: six points on a wire that end within a metre tell nothing."""
+    few, arm = (3.0, 6.0, 9.0, 11.0), behind(1.2, 0.0, (0.4, 0.5, 0.6, 0.7, 0.8, 0.9))
+    found = more(behind(-1.2, 0.0, few), behind(0.0, 0.0, few), arm)
+    assert [one.wire for one in found] == [1, 2, 3]
+    assert found[2].curve.count == 0
+
+
 def test_a_wire_of_which_surely_points_would_be_seen_does_not_go_on() -> None:
     many = tuple(np.arange(2.0, 11.6, 1.25))
     assert [one.wire for one in more(behind(-1.2, 0.0, many), behind(0.0, 0.0, many))] == [1, 2]
@@ -82,7 +90,7 @@ def test_a_wire_of_which_surely_points_would_be_seen_does_not_go_on() -> None:
 
 def test_no_wire_goes_on_that_leaves_the_shape_of_the_others() -> None:
     """Near the pole its points are on that shape still."""
-    near = (2.0, 2.2, 2.4, 2.6, 2.8)
+    near = (2.0, 2.1, 2.2, 2.3, 2.4, 2.5, 2.6, 2.7)
     assert not more(behind(-1.2, 0.0), behind(0.0, 0.0), behind(1.2, 0.0, near))
 
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from algorithms.classify._evidence import PointFeatures
 from algorithms.shared.places import may_be_near
 
-AROUND = 5  # spacings of points around an outline, so that there are points all around it
+BESIDE = 5  # spacings of points around an outline, so that there are points all around it
 TOUCHING = 0.01  # metres, so that points on an outline are inside whatever the rounding
 
 Floats = NDArray[np.float64]
@@ -26,21 +26,30 @@ def without_spikes(shapes: Shapes, width: float) -> Shapes:
     return np.asarray(shapely.get_parts(shapely.buffer(core, width / 2, join_style="mitre")))
 
 
-def within_data(outline: Any, features: PointFeatures, spacing: float) -> Any:
-    """A polygon without what lies beyond the data: corners of what the edge cuts are not seen.
+def within_data(
+    outline: Any, features: PointFeatures, spacing: float, *, straight: bool
+) -> tuple[Any, bool]:
+    """What the edge of the data cuts, without what lies beyond it: corners there are not seen.
+
+    The edge is taken for straight: in a notch of it nothing is taken off.
 
     Parameters
     ----------
     outline : polygon
     features : n points
     spacing : of the points, in their unit; the data end half of it beyond the last ones
+    straight : whether its walls were squared
+
+    Returns
+    -------
+    polygon, and whether its walls are still those that were squared
     """
-    around = shapely.box(*outline.buffer(AROUND * spacing).bounds)
-    data = shapely.MultiPoint(features.xyz[features.within(around), :2]).convex_hull
-    seen = data.buffer(spacing / 2, join_style="mitre")
-    if seen.contains(outline):
-        return outline
-    return max(shapely.get_parts(outline.intersection(seen)), key=shapely.area)
+    around = shapely.box(*outline.buffer(BESIDE * spacing).bounds)
+    data = shapely.convex_hull(shapely.linestrings(features.xyz[features.within(around), :2]))
+    seen = shapely.buffer(data, spacing / 2, join_style="mitre")
+    if shapely.contains(seen, outline):
+        return outline, straight
+    return max(shapely.get_parts(outline.intersection(seen)), key=shapely.area), False
 
 
 def margin(density: Any, alpha: float) -> Any:

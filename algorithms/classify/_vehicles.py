@@ -29,7 +29,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.classify._evidence import FOOT, PointFeatures
 from algorithms.classify._outlines import TOUCHING, margin
-from algorithms.shared.alpha_shape import Gaps, alpha_shape
+from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.places import may_be_near
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
@@ -46,7 +46,7 @@ AROUND = 1.5  # metres from its side, and as much again, in which there is groun
 FREE = 0.75  # share of its sides that must have ground beside; an annexe has a wall at one
 EDGE = 0.75  # metres inside of an outline where pulses pass roofs and meet the ground
 SEEN = 0.1  # share of ground among the points within that no roof has
-SEEN_IN_ROWS = 0.05  # the same in vehicles with gaps of 0.35 m: two have 0.07, a shed 0.04
+TURNS = 9  # directions of a row that are tried: between two its ends move half a point spacing
 FEWEST = 2  # points on the ground that may be an accident
 STRIP = 1 / 3  # share of ground in a strip without an inside: more among wires, not beside walls
 LOWEST = 0.3  # metres above the ground, from which on bodies are looked at
@@ -197,27 +197,41 @@ def _wide(shapes: Any, metre: float) -> Any:
     return shapely.area(shapely.buffer(core, WIDEST * metre / 2, join_style="mitre"))
 
 
-def in_rows(shapes: Shapes, features: PointFeatures, roof: Mask, alpha: float) -> Mask:
-    """True for low outlines that ground parts into vehicles side by side, array of shape (m,).
+def in_rows(shapes: Shapes, features: PointFeatures, spacing: float) -> Mask:
+    """True for low outlines that lines of ground part into vehicles side by side, shape (m,).
 
-    Vehicles may stand so close that no disc in which points are expected has room between: a
-    triangle between roof points is none of a roof where ground is nearest to its middle.
+    They may stand so close that no disc in which points are expected has room between. So each is
+    cut into strips along and across it, half as wide as points are apart. Where most points of a
+    strip are ground, it parts what lies at both sides; vehicles are what is narrow then. Directions
+    are tried by as much as the ends of a side may be off, a point spacing each.
 
     Parameters
     ----------
     shapes : polygons, array of shape (m,)
     features : n points
-    roof : array of shape (n,), those on planes that look like a roof
-    alpha : radius of the disc that rolls around roofs
+    spacing : distance between points, in their unit
     """
-    found = (ground_seen(shapes, features) > SEEN_IN_ROWS) & are_low(shapes, features)
+    found = (ground_seen(shapes, features) > 0) & are_low(shapes, features)
     for k in np.flatnonzero(found):
-        near = features.within(shapes[k].buffer(TOUCHING * features.cloud.metre))
-        xy, ground = features.xyz[near, :2], features.terrain[0][near]
-        gaps = Gaps(0.0, lambda places: ground[cKDTree(xy).query(places)[1]])  # noqa: B023
-        parts = alpha_shape(xy[roof[near]], alpha, gaps=gaps).polygons
-        found[k] = _wide(parts, features.cloud.metre).sum() < shapely.area(parts).sum() / 2
+        box = np.asarray(shapely.minimum_rotated_rectangle(shapes[k]).exterior.coords)
+        near = features.within(shapes[k])
+        xy, ground = features.xyz[near, :2] - box[0], features.terrain[0][near]
+        sides = box[[1, 3]] - box[0]
+        off = np.linspace(-1, 1, TURNS) * 2 * spacing / np.hypot(*sides.T).max()
+        ways = [np.arctan2(y, x) + turn for x, y in sides for turn in off]
+        across = (xy @ (np.cos(way), np.sin(way)) for way in ways)
+        widest = min(_widest(place, ground, spacing / 2) for place in across)
+        found[k] = widest <= WIDEST * features.cloud.metre
     return found
+
+
+def _widest(across: Floats, ground: Mask, strip: float) -> float:
+    """Width of the widest run of strips in which most points are not ground."""
+    number = np.floor(across / strip).astype(np.int64)
+    number -= number.min()
+    closed = 2 * np.bincount(number, ground) <= np.bincount(number)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(np.int8)))
+    return float(np.diff(edges.reshape(-1, 2)).max(initial=0)) * strip
 
 
 def are_narrow(shapes: Shapes, metre: float) -> Mask:

@@ -57,6 +57,7 @@ from algorithms.classify._vehicles import (
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import Gaps, alpha_shape
 from algorithms.shared.data_edge import cut
+from algorithms.shared.delaunay import Mesh, triangulate
 from algorithms.shared.ground import among, taking_part
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
@@ -79,7 +80,8 @@ SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
 SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
 ROUNDING = 1e-9  # of a length: in feet the same one may come out a little shorter
 BELOW_DISC = 1.58  # times the spacing of points: least radius of a disc, with eight of them below
-MOST = 0.5  # share of a region that is left without the ground in it, if there are roofs in it
+MOST = 0.5  # share of a region that is left without the ground in it, if there are roofs in it:
+# what is mostly cut off was joined by accident, as crowns at Autzen are
 HALF_AS_DENSE = 0.5**0.5  # times as far apart are twice as many points per area
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 
@@ -291,7 +293,7 @@ class ClassifyBuildings:
         roof = self._roof(features, lengths, ctx.part(0.55, 0.6))
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))
         shapes, trees = self._buildings(features, planes, lengths, ctx.part(0.65, 0.75))
-        joined = self._regions(features, roof, lengths, ctx=ctx.part(0.75, 0.85))
+        joined = self._regions(features.xyz[roof, :2], lengths, ctx=ctx.part(0.75, 0.85))
         shapes, rough = without_holes(shapes, features, self.min_height)
         roof |= rough
         found = np.zeros(len(cloud), bool)
@@ -337,17 +339,12 @@ class ClassifyBuildings:
         return roof & ~large_vehicles(features, roof, lengths.spacing, self.smallest, ctx)
 
     def _regions(
-        self,
-        features: _evidence.PointFeatures,
-        some: Mask | Ints,
-        lengths: Lengths,
-        gaps: Gaps | None = None,
-        ctx: Context = QUIET,
+        self, xy: Floats | Mesh, lengths: Lengths, gaps: Gaps | None = None, ctx: Context = QUIET
     ) -> Shapes:
         """Polygons around roof points, at least of the smallest size of a building."""
         try:
             shape = alpha_shape(
-                features.xyz[some, :2],
+                xy,
                 lengths.alpha,
                 gaps=gaps,
                 hole_threshold=self.smallest,
@@ -363,15 +360,19 @@ class ClassifyBuildings:
         self, features: _evidence.PointFeatures, planes: Mask, lengths: Lengths, ctx: Context
     ) -> tuple[Shapes, Shapes]:
         """Polygons around the planes of roofs of an allowed size, and of crowns like them."""
-        shapes = self._regions(features, planes, lengths, ctx=ctx)
-        if self.largest is not None:
-            shapes = shapes[shapely.area(shapes) <= self.largest]
+        try:
+            mesh = triangulate(features.xyz[planes, :2], ctx=ctx)
+        except DataError:  # no roof point, or hardly any
+            return np.empty(0, object), np.empty(0, object)
+        shapes = self._regions(mesh, lengths, ctx=ctx.part(1.0, 1.0))
         shapes = shapes[~bridges(features, planes, shapes)]
-        parted = self._parted(features, planes, shapes, lengths, ctx.part(1.0, 1.0))
+        parted = self._parted(features, planes, mesh, shapes, lengths, ctx.part(1.0, 1.0))
         kept = np.unique(shapely.STRtree(shapes).query(parted, "intersects")[1])
         if gone := len(shapes) - len(kept):
             log.info("%d regions have ground in between: no roofs", gone)
         shapes = parted
+        if self.largest is not None:
+            shapes = shapes[shapely.area(shapes) <= self.largest]
         trees = crowns(shapes, features, planes)
         if trees.any():
             log.info(
@@ -384,25 +385,27 @@ class ClassifyBuildings:
         self,
         features: _evidence.PointFeatures,
         planes: Mask,
+        mesh: Mesh,
         shapes: Shapes,
         lengths: Lengths,
         ctx: Context,
     ) -> Shapes:
-        """Regions that hide the ground, parted where it is seen in a gap of their outline.
+        """What hides the ground of regions, without the gaps in which it is seen.
 
-        They are told as a whole: of what is left of a row of vehicles too little ground is seen.
+        Whether they hide it is asked of whole regions first: of what is left of a row of vehicles,
+        some of which are parted, too little ground is seen.
         """
         open_below = ground_seen(shapes, features) > SEEN
         if self.alpha is not None:
             return shapes[~open_below]
-        drawn = self._regions(features, planes, lengths, _gaps(features, lengths), ctx)
-        within = shapely.STRtree(shapes[~open_below]).query(
-            shapely.point_on_surface(drawn), "within"
-        )
-        others = self._without_ground(features, planes, shapes[open_below], lengths, ctx)
-        closed = drawn[np.unique(within[0])]
-        closed = closed[~in_rows(closed, features, planes, lengths.alpha)]
-        return np.concatenate([closed, others])
+        drawn = self._regions(mesh, lengths, _gaps(features, lengths), ctx)
+        middles = shapely.point_on_surface(drawn)
+        drawn = drawn[np.unique(shapely.STRtree(shapes[~open_below]).query(middles, "within")[0])]
+        drawn = drawn[~in_rows(drawn, features, lengths.spacing)]
+        still = ground_seen(drawn, features) > SEEN
+        again = np.concatenate([shapes[open_below], drawn[still]])
+        others = self._without_ground(features, planes, again, lengths, ctx)
+        return np.concatenate([drawn[~still], others])
 
     def _without_ground(
         self,
@@ -426,9 +429,10 @@ class ClassifyBuildings:
             return shapes[:0]
         around = shapely.buffer(shapes, TOUCHING * features.cloud.metre)
         again = planes & Polygons.of(around).hold(features.xyz)  # their corners are points, too
-        parts = self._regions(features, again, smaller, _gaps(features, lengths), ctx)
+        gaps = _gaps(features, lengths)
+        parts = self._regions(features.xyz[again, :2], smaller, gaps, ctx)
         parts = parts[~as_narrow_and_low(parts, features)]
-        parts = parts[~in_rows(parts, features, planes, lengths.alpha)]
+        parts = parts[~in_rows(parts, features, lengths.spacing)]
         open_below = ground_seen(parts, features) > SEEN
         others = self._without_ground(features, planes, parts[open_below], smaller, ctx)
         parts = np.concatenate([parts[~open_below], others])
@@ -450,11 +454,14 @@ class ClassifyBuildings:
         parts: Rows = []
         narrow = 0
         sure = confidences(shapes, features, planes)
+        places, metre = self.points.places, self.points.metre
+        at_edge = cut(list(shapes), places, lengths.spacing, metre, ctx=ctx)
         for done, shape in enumerate(shapes):
             ctx.progress(done / len(shapes))
-            inside = features.within(shape.buffer(TOUCHING * features.cloud.metre), planes)
+            inside = features.within(shape.buffer(TOUCHING * metre), planes)
             roof, straight = self._drawn(shape, len(inside) / shape.area, lengths)
-            roof = within_data(roof, features, lengths.spacing)
+            if at_edge[done]:
+                roof, straight = within_data(roof, features, lengths.spacing, straight=straight)
             walls = roof.buffer(-self.overhang, join_style="mitre")
             narrow += walls.is_empty
             of_roof = heights(features, inside, shape, lengths)
@@ -473,7 +480,6 @@ class ClassifyBuildings:
                 rows.append(row | highest(row, own))
                 parts += [part | {"building_height": rows[-1]["height"]} for part in own]
         outlined = [row["geometry"] for row in rows + parts]
-        places, metre = self.points.places, self.points.metre
         at_edge = cut(outlined, places, lengths.spacing, metre, ctx=ctx)
         for row, there in zip(rows + parts, at_edge, strict=True):
             row["cut"] = bool(there)
@@ -512,7 +518,7 @@ class ClassifyBuildings:
                 angle,
             )[0]
             for k in np.argsort(height)
-            for shape in self._regions(features, inside[level == k], lengths)
+            for shape in self._regions(features.xyz[inside[level == k], :2], lengths)
         ]
         found = tiles(
             outline,
@@ -551,7 +557,7 @@ class ClassifyBuildings:
 
 
 def _gaps(features: _evidence.PointFeatures, lengths: Lengths) -> Gaps:
-    """Where ground is seen between what looks like a roof: between houses, a wall and a lamp."""
+    """Gaps between roof points in which ground is seen: between houses, or a wall and a lamp."""
     radius = BELOW_DISC * lengths.spacing
     return Gaps(radius, partial(is_ground_around, features, radius))
 

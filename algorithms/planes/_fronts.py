@@ -202,21 +202,23 @@ def outside(xyz: Floats, plane: Plane, own: Ints, metre: float, others: Mask) ->
     gap[inside] = picture.gaps()[picture.cells(uv[inside])]
     free = (np.abs(away) > ASIDE * metre) & within & ~gap
     spread = 3 * math.sqrt(float(np.mean(away[own] ** 2)))
+    told = False
     for walls in (others, np.zeros(len(xyz), bool)):
         ground = _sides(uv[free, 0], away[free], walls[free], SQUARE * metre, SOME * len(own))
         before, behind = ground
-        if max(before, behind) > DECISIVE * min(before, behind):
+        if max(ground) <= DECISIVE * min(ground):
+            set_back = [
+                len(np.unique(picture.cells(uv[gap & ~walls & (sign * away > spread)]), axis=1).T)
+                for sign in (1, -1)
+            ]
+            # What stands before gaps, such as balconies, may be as much as what is seen in them.
+            before = (ground[0] + 1) * (set_back[1] + 1)
+            behind = (ground[1] + 1) * (set_back[0] + 1)
+        decided = max(before, behind) > DECISIVE * min(before, behind)
+        if walls is others:  # other walls alone may stand behind the house as well as before it
+            told = decided or any(ground)
+        if decided:
             break
-        set_back = [
-            len(np.unique(picture.cells(uv[gap & ~walls & (sign * away > spread)]), axis=1).T)
-            for sign in (1, -1)
-        ]
-        # What stands before gaps, such as balconies, may be as much as what is seen in them.
-        before = (ground[0] + 1) * (set_back[1] + 1)
-        behind = (ground[1] + 1) * (set_back[0] + 1)
-        if max(before, behind) > DECISIVE * min(before, behind):
-            break
-    told = any(ground) or max(before, behind) > DECISIVE * min(before, behind)
     return plane if before >= behind else replace(plane, normal=-plane.normal), told
 
 

@@ -360,18 +360,18 @@ class PlanesOpenings:
 
     def _warn_of_wide(self, number: int, made: Openings) -> None:
         """Say so where gaps are no openings for their size alone."""
-        wide = [gap for gap in made.dropped if too_large(gap)]
-        if not wide:
+        large = [gap.shape.bounds for gap in made.dropped if too_large(gap)]
+        sizes = [np.ptp(np.reshape(bounds, (2, 2)), axis=0) for bounds in large]
+        sizes = [size for size in sizes if size.min() >= self.min_width]  # no strips
+        if not sizes:
             return
-        metre = self.points.metre
-        sizes = [np.ptp(np.reshape(gap.shape.bounds, (2, 2)), axis=0) for gap in wide]
-        width, height = max(sizes, key=lambda size: float(size.prod())) / metre
+        width, height = max(sizes, key=lambda size: float(size.prod())) / self.points.metre
         setting = setting_name("max_width")
         log.warning(
             "gaps of front %d that are too large for openings, of clear form and with wall beside: "
             "%d, the largest about %.1f m wide and %.1f m high; the layer dropped has where%s",
             number,
-            len(wide),
+            len(sizes),
             width,
             height,
             f"; larger ones are looked for with {setting}" if setting else "",

@@ -68,6 +68,13 @@ class Gaps(NamedTuple):
     ----------
     radius : only triangles with larger circles around them are asked, in the unit of the points
     are_open : of the middles of these, array of shape (m, 2), which lie in a gap: shape (m,)
+
+    Examples
+    --------
+    >>> xy = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [9, 0], [9, 1.0]])
+    >>> gaps = Gaps(1.0, lambda middles: middles[:, 0] > 2)
+    >>> [polygon.area for polygon in alpha_shape(xy, 9.0, gaps=gaps).polygons]
+    [1.0]
     """
 
     radius: float
@@ -75,7 +82,7 @@ class Gaps(NamedTuple):
 
 
 def alpha_shape(
-    xy: Floats,
+    xy: Floats | Mesh,
     alpha: float | Rule,
     *,
     gaps: Gaps | None = None,
@@ -87,12 +94,12 @@ def alpha_shape(
 
     Parameters
     ----------
-    xy : array of shape (n, 2)
+    xy : array of shape (n, 2), or its triangulation, which several shapes may share
     alpha : largest radius of an empty circle within the shape, in the unit of xy; infinity gives
         the convex hull. "all_points" is the least for which every point is part of a region,
         "auto" the least for which there is one region besides. (A still larger one may have
         more, since a triangle may come up in the middle of a hole.)
-    gaps : triangles that the shape has by alpha, and yet are none of it
+    gaps : where triangles that alpha allows are left out
     hole_threshold : patches without triangles, closed in on all sides, of a smaller area are
         filled. What lies within becomes part of the region around it.
     region_threshold : regions of a smaller area, after that, are dropped
@@ -118,7 +125,7 @@ def alpha_shape(
     >>> [polygon.area for polygon in shape.polygons], shape.points.tolist()
     ([1.0], [4])
     """
-    mesh = triangulate(xy, ctx=ctx.part(0, 0.7))
+    mesh = xy if isinstance(xy, Mesh) else triangulate(xy, ctx=ctx.part(0, 0.7))
     radii = circumradii(mesh, ctx=ctx.part(0.7, 0.75))
     chosen = critical_alpha(mesh, radii, alpha) if isinstance(alpha, str) else float(alpha)
     ctx.progress(0.85)

@@ -837,12 +837,52 @@ def test_houses_are_apart_where_ground_is_seen_between(between: int, count: int)
 
 
 def test_no_corner_lies_beyond_the_data() -> None:
-    """The corner of two walls that the edge of the data cuts off is not seen."""
+    """The corner of two walls that the edge of the data cuts off is not seen; a void is no edge."""
     points = village(30.0)
     x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
-    some = PointFeatures(points.select(x + y < 36), 1.0, 3.0, ground_classes=(2,))
     house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
-    corner = shapely.Polygon([(500_021, 4_600_015), (500_021, 4_600_016), (500_020, 4_600_016)])
-    seen = house.difference(corner)
-    assert within_data(house, some, 0.18).symmetric_difference(seen).area < 0.3
-    assert within_data(seen.buffer(-0.5), some, 0.18) == seen.buffer(-0.5)
+    made = points.select(x + y < 36)
+    row = ClassifyBuildings(points=made).run().outlines.frame.iloc[0]
+    assert row["cut"]
+    assert not row["squared"]
+    data = MultiPoint(made.xyz[:, :2]).convex_hull
+    assert row["geometry"].difference(data.buffer(0.15)).area < 0.01
+    assert row["geometry"].area == pytest.approx(house.area - 0.5, abs=1.5)
+    around = np.maximum(abs(x - 15) - 6, abs(y - 12) - 4)
+    row = ClassifyBuildings(points=points.select((around < 0) | (around > 5))).run().outlines.frame
+    assert row["squared"].all()
+    assert not row["cut"].any()
+
+
+def test_what_is_parted_hides_the_ground_too() -> None:
+    """A frame beside a house, of which a quarter shows the ground: with the house it hid it."""
+    points = village(8.0)
+    x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
+    house = (abs(x - 17) < 10) & (abs(y - 17) < 9)
+    frame = (abs(x - 32) < 3) & (abs(y - 15) < 4)
+    seen = frame & (np.random.default_rng(3).random(len(x)) < 0.25)
+    heights = np.where((house | frame) & ~seen, 106 + 0 * x, 100 + 0.02 * x)
+    heights += np.random.default_rng(4).normal(0, 0.02, len(x))
+    classes = np.where((house | frame) & ~seen, 1, 2).astype(np.uint8)
+    made = points.with_xyz(np.column_stack([points.xyz[:, :2], heights]))
+    out = ClassifyBuildings(points=made.with_attributes({"classification": classes})).run()
+    (row,) = out.outlines.frame.to_dict("records")
+    assert row["area"] == pytest.approx(360, rel=0.03)
+    assert row["confidence"] > 0.9
+
+
+def test_what_lies_within_the_data_is_not_touched() -> None:
+    points = village(30.0)
+    some = PointFeatures(points, 1.0, 3.0, ground_classes=(2,))
+    house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
+    assert within_data(house, some, 0.18, straight=True) == (house, True)
+
+
+def test_the_largest_building_is_asked_of_what_is_parted() -> None:
+    points = village()
+    x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
+    passage = (abs(x - 15) < 1) & (abs(y - 12) < 4)
+    xyz, classes = points.xyz.copy(), points["classification"].copy()
+    xyz[passage, 2], classes[passage] = 100.3, 2
+    made = points.with_xyz(xyz).with_attributes({"classification": classes})
+    assert len(ClassifyBuildings(points=made, largest=60.0).run().outlines) == 2

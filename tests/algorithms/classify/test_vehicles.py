@@ -17,6 +17,7 @@ from algorithms.classify._vehicles import (
     as_narrow_and_low,
     bodies,
     ground_seen,
+    in_rows,
     large_vehicles,
     standing_free,
     vehicles,
@@ -110,14 +111,29 @@ def test_two_lorries_side_by_side_are_no_building(seed: int) -> None:
     assert len(outlines(yard((10, 26, 10, 15.35, 3.5), density=16.0, seed=seed))) == 1
 
 
-def test_a_shed_through_which_some_pulses_pass_is_one() -> None:
-    """Narrow between the places where ground is seen, but of these are too few for a row."""
-    points = yard((10, 22, 10, 13.2, 3.5), density=16.0)
+@pytest.mark.parametrize("size", [(12.0, 3.2), (12.0, 8.0), (25.0, 20.0)])
+@pytest.mark.parametrize("density", [16.0, 8.0, 4.0])
+def test_a_low_roof_through_which_some_pulses_pass_is_one(
+    size: tuple[float, float], density: float
+) -> None:
+    """Ground that is scattered parts nothing; a row is parted by lines of it."""
+    points = yard((8, 8 + size[0], 10, 10 + size[1], 3.5), density=density)
     xyz, classes = points.xyz.copy(), points["classification"].copy()
-    some = np.flatnonzero(xyz[:, 2] > 52)[::25]
+    some = np.flatnonzero(xyz[:, 2] > 52)[::15]
     xyz[some, 2], classes[some] = 50, 2
     made = points.with_xyz(xyz).with_attributes({"classification": classes})
     assert len(outlines(made)) == 1
+
+
+@pytest.mark.parametrize("degrees", [-2.0, 0.0, 2.0])
+def test_a_row_is_parted_though_its_outline_is_a_little_turned(degrees: float) -> None:
+    """Over 16 m the ends of a line are 0.56 m off then, which is more than the gap."""
+    some = features(yard((10, 26, 10, 12.5, 3.5), (10, 26, 12.9, 15.4, 3.5), density=8.0))
+    around = shapely.box(500_010, 4_600_010, 500_026, 4_600_015.4)
+    turned = np.array([shapely.affinity.rotate(around, degrees)])
+    assert in_rows(turned, some, 0.35).tolist() == [True]
+    hall = features(yard((10, 26, 10, 15.4, 3.5), density=8.0))
+    assert in_rows(turned, hall, 0.35).tolist() == [False]
 
 
 def test_ground_between_tells_a_row_of_trams_from_a_hall() -> None:

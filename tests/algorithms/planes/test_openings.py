@@ -870,8 +870,10 @@ def test_walls_of_other_fronts_tell_the_side_where_nothing_else_does(way: float)
     along, up = (grid.ravel() for grid in np.meshgrid(np.arange(0, 12, 0.1), np.arange(0, 6, 0.1)))
     xyz = np.vstack([wall, np.column_stack([along, 0 * along + 8 * way, up])])
     plane = Plane(np.array([0.0, 1.0, 0.0]), np.zeros(3), np.zeros(3))
-    seen, _ = outside(xyz, plane, np.arange(len(wall)), 1.0, np.arange(len(xyz)) >= len(wall))
+    others = np.arange(len(xyz)) >= len(wall)
+    seen, told = outside(xyz, plane, np.arange(len(wall)), 1.0, others)
     assert seen.normal[1] == way
+    assert not told, "it may stand behind the house"
 
 
 def test_what_is_seen_past_the_end_of_a_wall_is_not_before_it() -> None:

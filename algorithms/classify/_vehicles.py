@@ -197,7 +197,7 @@ def _wide(shapes: Any, metre: float) -> Any:
     return shapely.area(shapely.buffer(core, WIDEST * metre / 2, join_style="mitre"))
 
 
-def in_rows(shapes: Shapes, features: PointFeatures, spacing: float) -> Mask:
+def in_rows(shapes: Shapes, seen: Floats, features: PointFeatures, spacing: float) -> Mask:
     """True for low outlines that lines of ground part into vehicles side by side, shape (m,).
 
     They may stand so close that no disc in which points are expected has room between. So each is
@@ -208,10 +208,12 @@ def in_rows(shapes: Shapes, features: PointFeatures, spacing: float) -> Mask:
     Parameters
     ----------
     shapes : polygons, array of shape (m,)
+    seen : array of shape (m,), share of ground in each (:func:`ground_seen`)
     features : n points
     spacing : distance between points, in their unit
     """
-    found = (ground_seen(shapes, features) > 0) & are_low(shapes, features)
+    found = seen > 0
+    found[found] = are_low(shapes[found], features)
     for k in np.flatnonzero(found):
         box = np.asarray(shapely.minimum_rotated_rectangle(shapes[k]).exterior.coords)
         near = features.within(shapes[k])
@@ -229,9 +231,9 @@ def _widest(across: Floats, ground: Mask, strip: float) -> float:
     """Width of the widest run of strips in which most points are not ground."""
     number = np.floor(across / strip).astype(np.int64)
     number -= number.min()
-    closed = 2 * np.bincount(number, ground) <= np.bincount(number)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(np.int8)))
-    return float(np.diff(edges.reshape(-1, 2)).max(initial=0)) * strip
+    count = np.bincount(number)
+    lines = np.flatnonzero(2 * np.bincount(number, ground) > count)
+    return float(np.diff(np.concatenate([[-1], lines, [len(count)]])).max() - 1) * strip
 
 
 def are_narrow(shapes: Shapes, metre: float) -> Mask:

@@ -401,11 +401,10 @@ class ClassifyBuildings:
         drawn = self._regions(mesh, lengths, _gaps(features, lengths), ctx)
         middles = shapely.point_on_surface(drawn)
         drawn = drawn[np.unique(shapely.STRtree(shapes[~open_below]).query(middles, "within")[0])]
-        drawn = drawn[~in_rows(drawn, features, lengths.spacing)]
-        still = ground_seen(drawn, features) > SEEN
-        again = np.concatenate([shapes[open_below], drawn[still]])
+        closed, still_open = _told(drawn, features, lengths.spacing)
+        again = np.concatenate([shapes[open_below], still_open])
         others = self._without_ground(features, planes, again, lengths, ctx)
-        return np.concatenate([drawn[~still], others])
+        return np.concatenate([closed, others])
 
     def _without_ground(
         self,
@@ -432,10 +431,9 @@ class ClassifyBuildings:
         gaps = _gaps(features, lengths)
         parts = self._regions(features.xyz[again, :2], smaller, gaps, ctx)
         parts = parts[~as_narrow_and_low(parts, features)]
-        parts = parts[~in_rows(parts, features, lengths.spacing)]
-        open_below = ground_seen(parts, features) > SEEN
-        others = self._without_ground(features, planes, parts[open_below], smaller, ctx)
-        parts = np.concatenate([parts[~open_below], others])
+        closed, still_open = _told(parts, features, lengths.spacing)
+        others = self._without_ground(features, planes, still_open, smaller, ctx)
+        parts = np.concatenate([closed, others])
         return _most_of(parts, shapes) if smaller.alpha < dense else parts
 
     def _rows(
@@ -560,6 +558,15 @@ def _gaps(features: _evidence.PointFeatures, lengths: Lengths) -> Gaps:
     """Gaps between roof points in which ground is seen: between houses, or a wall and a lamp."""
     radius = BELOW_DISC * lengths.spacing
     return Gaps(radius, partial(is_ground_around, features, radius))
+
+
+def _told(
+    shapes: Shapes, features: _evidence.PointFeatures, spacing: float
+) -> tuple[Shapes, Shapes]:
+    """Those that hide the ground, and those that do not; without vehicles side by side."""
+    seen = ground_seen(shapes, features)
+    left = ~in_rows(shapes, seen, features, spacing)
+    return shapes[left & (seen <= SEEN)], shapes[left & (seen > SEEN)]
 
 
 def _most_of(parts: Shapes, regions: Shapes) -> Shapes:

@@ -131,9 +131,9 @@ def test_a_row_is_parted_though_its_outline_is_a_little_turned(degrees: float) -
     some = features(yard((10, 26, 10, 12.5, 3.5), (10, 26, 12.9, 15.4, 3.5), density=8.0))
     around = shapely.box(500_010, 4_600_010, 500_026, 4_600_015.4)
     turned = np.array([shapely.affinity.rotate(around, degrees)])
-    assert in_rows(turned, some, 0.35).tolist() == [True]
+    assert in_rows(turned, ground_seen(turned, some), some, 0.35).tolist() == [True]
     hall = features(yard((10, 26, 10, 15.4, 3.5), density=8.0))
-    assert in_rows(turned, hall, 0.35).tolist() == [False]
+    assert in_rows(turned, ground_seen(turned, hall), hall, 0.35).tolist() == [False]
 
 
 def test_ground_between_tells_a_row_of_trams_from_a_hall() -> None:

@@ -15,6 +15,7 @@ from toolbox.context import log
 
 BESIDE = 1.5  # metres from a deck in which ground lies at its ends
 LEVEL = 0.75  # metres that ground may be above or below a deck there
+STEEPEST = 1 / 12  # fall of a deck from its middle to its ends: that of ramps for wheelchairs
 ENDS = 3.0  # metres, length of an end
 BETWEEN = 0.75  # share of a deck that lies between its ends; of a house in a slope two thirds do
 OVER_GROUND = 3.0  # metres, height of a deck
@@ -28,8 +29,8 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     """True for regions at whose two ends the ground rises to their level: bridges.
 
     At an end, points nearer to the ground than a roof lie beside the region, at its level. A low
-    roof has those as well, but below its middle; a house on a slope on one side only, or on two
-    that meet at a corner.
+    roof has those as well, but below its middle by more than a deck falls to its ends; a house on
+    a slope on one side only, or on two that meet at a corner.
 
     Parameters
     ----------
@@ -51,7 +52,9 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     )
     for number in np.unique(beside):
         deck, ends = features.within(shapes[number], roof), low[point[beside == number]]
-        ends = ends[levels(features, ends) >= np.median(levels(features, deck)) - LEVEL]
+        away = np.hypot(*(features.xyz[ends, :2] - np.median(features.xyz[deck, :2], axis=0)).T)
+        lowest = np.median(levels(features, deck)) - LEVEL - STEEPEST * away / metre
+        ends = ends[levels(features, ends) >= lowest]
         if np.median(height[deck]) < OVER_GROUND or not len(ends):
             continue
         found[number] = between_ends(shapes[number], features.xyz[ends, :2], metre)

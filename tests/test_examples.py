@@ -27,7 +27,6 @@ STEPS = {  # of find_terrain, each on what the one before gives
         "ground_cells",
         "near_surface",
         "planes_through",
-        "raised_sections",
         "raised_share",
         "robust_surface",
         "slopes",

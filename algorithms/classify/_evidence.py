@@ -26,8 +26,7 @@ from algorithms.shared.kernels.sorting import sums_around
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import ReturnNumbers, has_numbers, let_through
 from algorithms.shared.selection import of_classes
-from algorithms.shared.terrain import HALO as GROUND_HALO
-from algorithms.shared.terrain import find_terrain, height_above, verdict
+from algorithms.shared.terrain import KNOWN_HALO, find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context, log, setting_name
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, nearest
@@ -44,7 +43,7 @@ FEW = 0.2  # share of points that may lack neighbours before a warning
 VOXEL = 1.0  # metres, the cells in which points are counted
 LOWEST_ROOF = 1.5  # metres above ground
 LET_THROUGH, ON_PLANES = 0.25, 0.12  # shares around, of vegetation at least and of roofs
-HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
+HALO = KNOWN_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
 FINE = float(1 << 20)  # steps in which features are summed up, so that sums are exact
 MOST = 1 << 20  # voxels along an axis
 

@@ -44,6 +44,7 @@ from algorithms.shared.lowest import (
     require_finite,
     without_low_outliers,
 )
+from algorithms.shared.sections import WIDEST, raised_sections
 from algorithms.shared.tolerance import share_with_points, tolerances
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
@@ -69,10 +70,6 @@ SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = (
     4,
     3,
 )  # cells on one plane are judged alike
-LEVEL, DROP = 0.3, 1.0  # metres: within a section, and of a step beside it beyond STEP_SLOPE
-ALL_ROUND, MOST_ROUND = 0.7, 0.4  # share of the seen and of the whole border that are steps
-ACROSS, GAPS = 0.1, 2  # share of the unseen border, and cells, that may lie opposite each other
-RAISED = (10, 5000)  # cells of such a section, so that a halo holds it
 COARSE = ((4, 2.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cells of that level
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 BENDING = ((0, 3.0), (0, 1.5), (0, 1.0))  # what follows the edges that are known by then
@@ -85,7 +82,8 @@ ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be groun
 MISTAKEN, OUT_OF_LINE = 0.003, 1.0
 SCATTERED = 5, 0.5  # cells, side of the window around one; share of them
 TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times
-HALO = 200.0  # metres
+HALO = WIDEST + 100.0  # metres; 100 m beyond a hall that the edge of a tile parts, labels are right
+KNOWN_HALO = 200.0  # metres, of ground that is known
 BYTES_PER_CELL = 115  # at most at one time; sections of cells and their borders take most
 FAR = 50.0  # metres from any ground, where the surface ends
 
@@ -170,7 +168,9 @@ def find_terrain(
     use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0.0, 0.1))
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
-    candidates, heights = _through_ground(z, ctx.part(0.15, 0.9), known=known, mistakes=mistakes)
+    candidates, heights = _through_ground(
+        z, lattice, ctx.part(0.15, 0.9), known=known, mistakes=mistakes
+    )
     share = share_with_points(z)
     ground = near_surface(z, candidates, heights)
     ground |= taken_back(z, ground, candidates & ~ground, share, ctx.part(0.9, 0.95))
@@ -190,13 +190,14 @@ def find_terrain(
 
 
 def _through_ground(
-    z: Cells, ctx: Context, *, known: bool, mistakes: bool
+    z: Cells, lattice: Lattice, ctx: Context, *, known: bool, mistakes: bool
 ) -> tuple[NDArray[np.bool_], Floats]:
     """The cells whose lowest point may be ground, and the robust surface through these.
 
     Parameters
     ----------
     z : lowest height of each cell, NaN where there is none
+    lattice : of the cells, by which wide roofs are told of
     known, mistakes : see :func:`find_terrain`
     """
     has = doubted = np.isfinite(z)
@@ -205,7 +206,9 @@ def _through_ground(
         heights = robust_surface(z, has, FINE, STIFF, ctx.part(0.0, 0.25), rounds=rounds)
         if not mistakes or not (doubted := among_mistaken(z, heights)).any():
             return has, heights
-    candidates = has & (ground_cells(z, ctx.part(0.25 if known else 0.0, 0.75)) | ~doubted)
+    ground = ground_cells(z, ctx.part(0.25 if known else 0.0, 0.75))
+    ground &= ~raised_sections(z, STEP_SLOPE, lattice)
+    candidates = has & (ground | ~doubted)
     surface = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.75, 1.0), rounds=rounds)
     return candidates, surface
 
@@ -372,7 +375,6 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     share = SHARE_FLAT + (SHARE_STEEP - SHARE_FLAT) * bend
     slope = np.minimum(SLOPE + SLOPE_GAIN * slope, 1.0)
     ground = _looked_twice(z, coarse, slope, share, thin, step, ctx.part(0.45, 0.95))
-    ground &= ~raised_sections(z)
     ctx.progress(1.0)
     return ground
 
@@ -426,30 +428,6 @@ def without_trend(z: Cells, surface: Floats) -> tuple[Cells, NDArray[np.bool_]]:
     trend = np.where(known, total / np.maximum(count, 1e-9), np.nan)
     south, east = np.gradient(trend)
     return (z - trend).astype(np.float32), np.hypot(south, east) > HILLSIDE
-
-
-def raised_sections(z: Cells) -> NDArray[np.bool_]:
-    """True for cells of a section without steps that is bounded by steps down.
-
-    Low wide roofs fall off too little for the looks above, and those that the edge of the data cuts
-    fall off on too few sides. But nearly all of their border that is seen is a step down; of
-    terraces some of it leads on or up. What leads to edges of the data on opposite sides, as a quay
-    or a causeway does, is no roof.
-    """
-    parent = np.empty(z.size, np.int32)
-    kernels.sections(z, LEVEL, parent)
-    seen, falls = np.zeros(z.size, np.int32), np.zeros(z.size, np.int32)
-    unseen = np.zeros((4, z.size), np.int32)
-    kernels.borders(z, parent, STEP_SLOPE, DROP, seen, falls, unseen)
-    there = parent >= 0
-    size = np.bincount(parent[there], minlength=z.size)
-    hidden = unseen.sum(axis=0)
-    across = np.minimum(unseen[0], unseen[1]) + np.minimum(unseen[2], unseen[3])
-    raised = (falls >= ALL_ROUND * seen) & (falls >= MOST_ROUND * (seen + hidden))
-    raised &= (
-        (across <= np.maximum(GAPS, ACROSS * hidden)) & (size >= RAISED[0]) & (size <= RAISED[1])
-    )
-    return np.asarray((there & raised[parent]).reshape(z.shape))
 
 
 def steps_below(z: Cells, ctx: Context) -> tuple[NDArray[np.bool_], Cells]:

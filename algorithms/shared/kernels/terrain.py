@@ -12,7 +12,6 @@ import math
 import numpy as np
 
 from algorithms.shared.kernels.compiling import helper, inlined, kernel
-from algorithms.shared.sets import root
 
 
 @kernel
@@ -184,61 +183,6 @@ def _add_alike(here, there, limit, votes, total, count):
         same = abs(there[c] - here[c]) <= limit
         total[c] += votes[c] if same else np.float32(0.0)
         count[c] += np.float32(1.0) if same else np.float32(0.0)
-
-
-@kernel
-def sections(z, step, parent):
-    """Set `parent` of each cell to the first one of its section, -1 where there is no data.
-
-    Cells beside each other are of one section if their heights differ by at most `step`.
-    """
-    rows, cols = z.shape
-    for r in range(rows):
-        for c in range(cols):
-            cell = r * cols + c
-            parent[cell] = -1
-            if math.isnan(z[r, c]):
-                continue
-            parent[cell] = cell
-            if r and abs(z[r - 1, c] - z[r, c]) <= step:
-                parent[cell] = root(parent, cell - cols)
-            if c and abs(z[r, c - 1] - z[r, c]) <= step:
-                one, other = root(parent, cell), root(parent, cell - 1)
-                parent[max(one, other)] = min(one, other)
-    for cell in range(rows * cols):
-        if parent[cell] >= 0:
-            parent[cell] = root(parent, cell)
-
-
-@kernel
-def borders(z, parent, slope, least, seen, falls, unseen):
-    """Count sides of cells at the border of each section, by the first cell of the section.
-
-    `seen` are those with data within two cells, `falls` those with a step down of at least `least`
-    there, beyond what `slope` explains; `unseen`, of shape (4, cells), are the others, to the
-    south, north, east and west.
-    """
-    rows, cols = z.shape
-    ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
-    for r in range(rows):
-        for c in range(cols):
-            own = parent[r * cols + c]
-            if own < 0:
-                continue
-            for way in range(4):
-                down, right = ways[way]
-                i, j = r + down, c + right
-                if 0 <= i < rows and 0 <= j < cols and parent[i * cols + j] == own:
-                    continue
-                is_seen, deepest = False, -np.inf
-                for k in (1, 2):
-                    i, j = r + k * down, c + k * right
-                    if 0 <= i < rows and 0 <= j < cols and not math.isnan(z[i, j]):
-                        is_seen = True
-                        deepest = max(deepest, z[r, c] - z[i, j] - slope * k)
-                seen[own] += is_seen
-                falls[own] += deepest >= least
-                unseen[way, own] += not is_seen
 
 
 @kernel

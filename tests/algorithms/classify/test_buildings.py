@@ -560,7 +560,9 @@ def test_branches_over_a_roof_are_no_building_but_walls_are() -> None:
 
 
 @pytest.mark.parametrize("rise", [0.0, 2.5])
-def test_a_deck_between_two_banks_is_a_bridge(rise: float, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_deck_between_two_banks_is_a_bridge(
+    rise: float, caplog: pytest.LogCaptureFixture
+) -> None:
     """Also if its middle is higher than its ends: it falls by 1 in 10 at most, 1 in 15 mostly."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform((0, 0), (80, 40), (25_600, 2)).T

@@ -19,9 +19,9 @@ DROP = 1.0  # metres of a step down, beyond the slope
 ALL_ROUND, MOST_ROUND = 0.7, 0.4  # share of the seen and of the whole border that are steps
 ACROSS, GAPS = 0.1, 2  # share of what lies at the end of the data, and cells, that may be opposite
 SMALLEST = 10  # cells of a section
+LOOKED_AT = 500  # cells from end to end of a section that may be a hall, and is told of
 WIDEST = 140  # cells from end to end: the halo of a tile holds it, and 100 m more
 LARGEST_CUT = 5000  # cells of a section that the end of the data cuts: more may be a terrace
-LOOKED_AT = 500  # cells from end to end of a section that is told of
 
 Cells = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -75,35 +75,26 @@ def _bounded_by_steps(z: Cells, rise: float, slope: float) -> tuple[Mask, Mask]:
     kernels.sections(z, rise, parent)
     there = parent >= 0
     size = np.bincount(parent[there], minlength=z.size)
-    first, box = _boxes(parent, z.shape[1], size)
-    extent = (box[:, 2:] - box[:, :2]).max(axis=1, initial=0) + 1
-    raised, sides = np.zeros(z.size, bool), np.empty((len(first), 8), np.int32)
-    left, found = np.ones(len(first), bool), np.ones(1, bool)
-    while found.any():
-        counts = np.empty((np.count_nonzero(left), 8), np.int32)
-        kernels.borders(z, parent, first[left], box[left], raised, slope, DROP, counts)
-        sides[left] = counts
-        cut = (sides[:, 4:].sum(axis=1) > GAPS) & (size[first] > LARGEST_CUT)
-        found = left & falls_off(sides) & (extent <= WIDEST) & ~cut
-        raised[first[found]] = True
-        left &= ~found
-    unsure = np.zeros(z.size, bool)
-    unsure[first[left & falls_off(sides)]] = True
-    owner, there = parent.reshape(z.shape), there.reshape(z.shape)
-    return there & raised[owner], there & unsure[owner]
-
-
-def _boxes(
-    parent: NDArray[np.int32], cols: int, size: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """First cells of sections that may be roofs, and their first and last rows and columns."""
     first = np.flatnonzero(size >= SMALLEST)
-    number = np.full(len(parent), -1, np.int32)
+    number = np.full(z.size, -1, np.int32)
     number[first] = np.arange(len(first))
     box = np.empty((len(first), 4), np.int32)
-    kernels.boxes(parent, cols, number, box)
-    small = (box[:, 2:] - box[:, :2]).max(axis=1, initial=0) < LOOKED_AT
-    return first[small], box[small]
+    kernels.boxes(parent, z.shape[1], number, box)
+    extent = (box[:, 2:] - box[:, :2]).max(axis=1, initial=0) + 1
+    number[first[extent > LOOKED_AT]] = -1
+    raised, sides = np.zeros(z.size, bool), np.empty((len(first), 8), np.int32)
+    found = np.ones(1, bool)
+    while found.any():
+        kernels.borders(z, parent, number, raised, slope, DROP, sides)
+        cut = (sides[:, 4:].sum(axis=1) > GAPS) & (size[first] > LARGEST_CUT)
+        bounded = falls_off(sides)
+        found = bounded & (extent <= WIDEST) & ~cut
+        raised[first[found]] = True
+        number[first[found]] = -1
+    unsure = np.zeros(z.size, bool)
+    unsure[first[bounded]] = True
+    owner, there = parent.reshape(z.shape), there.reshape(z.shape)
+    return there & raised[owner], there & unsure[owner]
 
 
 def falls_off(sides: Sides) -> Mask:

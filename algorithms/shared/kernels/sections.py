@@ -62,73 +62,46 @@ def boxes(parent, cols, number, box):
 
 
 @kernel
-def borders(z, parent, first, box, raised, slope, least, sides):
-    """Count the sides of cells at the outer border of sections, by what lies beyond them.
+def borders(z, parent, number, raised, slope, least, sides):
+    """Count the sides of cells at the border of sections, by what lies beyond them.
 
-    What a section surrounds lies within its border. `sides`, of shape (sections, 8), are all of
-    them; those with data beside them; those of these with a step down, of at least `least` beyond
-    what `slope` explains, or of any height to a section that is raised; those below what stands on
-    the section, which is raised, and by no more than the mean of these steps; and those at the end
-    of the data, to the south, north, east and west.
+    `sides`, of shape (sections, 8), are all of them; those with data beside them; those of these
+    with a step down, of at least `least` beyond what `slope` explains, or of any height to a
+    section that is raised; those below what stands on the section, which is raised, and by no more
+    than the mean of these steps; and those at the end of the data, to the south, north, east and
+    west. Beyond a gap within a section there is no border.
 
-    `first` are the first cells of the sections, and `box` their first and last rows and columns;
-    `raised` is told by the first cell of a section.
+    `number` is that of a section by its first cell, -1 for those that are not asked for; `raised`
+    is told by the first cell, too.
     """
     rows, cols = z.shape
     ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
-    for k in range(len(first)):
-        own, (top, left, bottom, right) = first[k], box[k]
-        beyond = outside(parent, cols, own, box[k])
-        counts, depth = sides[k], 0.0
-        counts[:] = 0
-        for turn in range(2):  # what the second counts goes by the steps of the first
-            highest = depth / max(counts[2], 1)
-            for r in range(top, bottom + 1):
-                for c in range(left, right + 1):
-                    if parent[r * cols + c] != own:
+    sides[:] = 0
+    depth = np.zeros(len(sides))
+    for turn in range(1 + raised.any()):  # what the second counts goes by the steps of the first
+        for r in range(rows):
+            for c in range(cols):
+                own = parent[r * cols + c]
+                k = number[own] if own >= 0 else -1
+                if k < 0:
+                    continue
+                for way in range(4):
+                    i, j = ways[way]
+                    other, away = next_section(parent, rows, cols, r, c, i, j)
+                    if other == own:
                         continue
-                    for way in range(4):
-                        i, j = ways[way]
-                        if not beyond[r - top + 1 + i, c - left + 1 + j]:
-                            continue
-                        other, away = next_section(parent, rows, cols, r, c, i, j)
-                        if other == own:
-                            continue
-                        beside = away <= NEXT
-                        on_raised = beside and raised[other]
-                        rise = z[r + away * i, c + away * j] - z[r, c] if on_raised else 0.0
-                        if turn == 1:
-                            counts[3] += 0 < rise <= highest
-                            continue
-                        drop = max(step_down(z, r, c, i, j, slope, least), -rise)
-                        depth += drop
-                        counts[0] += 1
-                        counts[1] += beside
-                        counts[2] += drop > 0
-                        counts[4 + way] += away > EMPTY
-
-
-@helper
-def outside(parent, cols, own, box):
-    """Cells of the box of a section, and of a margin of one, from which its margin is reached."""
-    top, left, bottom, right = box
-    height, width = bottom - top + 3, right - left + 3
-    beyond = np.zeros((height, width), np.bool_)
-    beyond[0, 0] = True
-    waiting = np.empty(height * width, np.int32)
-    waiting[0], count = 0, 1
-    while count:
-        count -= 1
-        r, c = waiting[count] // width, waiting[count] % width
-        for i, j in ((r + 1, c), (r - 1, c), (r, c + 1), (r, c - 1)):
-            if not (0 <= i < height and 0 <= j < width) or beyond[i, j]:
-                continue
-            inner = 0 < i < height - 1 and 0 < j < width - 1
-            if not inner or parent[(top + i - 1) * cols + left + j - 1] != own:
-                beyond[i, j] = True
-                waiting[count] = i * width + j
-                count += 1
-    return beyond
+                    beside = away <= NEXT
+                    on_raised = beside and raised[other]
+                    rise = z[r + away * i, c + away * j] - z[r, c] if on_raised else 0.0
+                    if turn == 1:
+                        sides[k, 3] += 0 < rise * sides[k, 2] <= depth[k]
+                        continue
+                    drop = max(step_down(z, r, c, i, j, slope, least), -rise)
+                    depth[k] += drop
+                    sides[k, 0] += 1
+                    sides[k, 1] += beside
+                    sides[k, 2] += drop > 0
+                    sides[k, 4 + way] += away > EMPTY
 
 
 @helper

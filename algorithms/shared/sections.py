@@ -29,12 +29,11 @@ Sides = NDArray[np.int32]
 
 
 def raised_sections(z: Cells, slope: float, lattice: Lattice) -> Mask:
-    """True for cells of sections that are bounded by steps down, or stand on such a section.
+    """True for cells of sections that are bounded by steps down.
 
     Nearly all of the border of a roof that is seen is a step down; of terraces some of it leads on
     or up. What leads to edges of the data on opposite sides, as a quay or a causeway does, is no
-    roof. Sections that are raised tell of those beside them: what stands on one is raised, and what
-    carries one ends beyond it. Those that are too wide for a tile, and wide ones that the end of
+    roof. A part of a roof below another, which is raised, ends beyond that. Those that are too wide for a tile, and wide ones that the end of
     the data cuts, are no roofs either, which is told.
 
     Sections are looked for twice: with cells of about one height, which hedges and cars do not join

@@ -21,7 +21,7 @@ EMPTY = 8  # cells: where nothing lies as near, the data end; pulses at random l
 def sections(z, rise, parent):
     """Set `parent` of each cell to the first one of its section, -1 where there is no data.
 
-    Cells beside each other are of one section if heights differ by at most `rise` per cell.
+    Cells beside each other are of one section if their heights differ by at most `rise`.
     """
     rows, cols = z.shape
     for r in range(rows):
@@ -36,7 +36,7 @@ def sections(z, rise, parent):
                     i, j = r - k * up, c - k * left
                     if i < 0 or j < 0 or math.isnan(z[i, j]):
                         continue
-                    if abs(z[i, j] - z[r, c]) <= rise * k:
+                    if abs(z[i, j] - z[r, c]) <= rise:
                         one, other = root(parent, cell), root(parent, i * cols + j)
                         parent[max(one, other)] = min(one, other)
                     break
@@ -66,10 +66,9 @@ def borders(z, parent, number, raised, slope, least, sides):
     """Count the sides of cells at the border of sections, by what lies beyond them.
 
     `sides`, of shape (sections, 8), are all of them; those with data beside them; those of these
-    with a step down, of at least `least` beyond what `slope` explains, or of any height to a
-    section that is raised; those below what stands on the section, which is raised, and by no more
-    than the mean of these steps; and those at the end of the data, to the south, north, east and
-    west. Beyond a gap within a section there is no border.
+    with a step down, of at least `least` beyond what `slope` explains; those below a section that
+    is raised, by no more than the mean of these steps; and those at the end of the data, to the
+    south, north, east and west. Beyond a gap within a section there is no border.
 
     `number` is that of a section by its first cell, -1 for those that are not asked for; `raised`
     is told by the first cell, too.
@@ -90,16 +89,15 @@ def borders(z, parent, number, raised, slope, least, sides):
                     other, away = next_section(parent, rows, cols, r, c, i, j)
                     if other == own:
                         continue
-                    beside = away <= NEXT
-                    on_raised = beside and raised[other]
-                    rise = z[r + away * i, c + away * j] - z[r, c] if on_raised else 0.0
                     if turn == 1:
-                        sides[k, 3] += 0 < rise * sides[k, 2] <= depth[k]
+                        if away <= NEXT and raised[other]:
+                            rise = z[r + away * i, c + away * j] - z[r, c]
+                            sides[k, 3] += 0 < rise * sides[k, 2] <= depth[k]
                         continue
-                    drop = max(step_down(z, r, c, i, j, slope, least), -rise)
+                    drop = step_down(z, r, c, i, j, slope, least)
                     depth[k] += drop
                     sides[k, 0] += 1
-                    sides[k, 1] += beside
+                    sides[k, 1] += away <= NEXT
                     sides[k, 2] += drop > 0
                     sides[k, 4 + way] += away > EMPTY
 

@@ -36,8 +36,8 @@ def test_a_section_is_raised_if_its_border_steps_down() -> None:
     assert not raised(z)[5:15, 5:15].any()
 
 
-def test_what_a_roof_surrounds_is_within_its_border() -> None:
-    """Skylights of which none falls off by itself, in so great a number that most sides rise."""
+def test_skylights_are_of_the_roof_and_a_court_is_none() -> None:
+    """None of them falls off by itself, and most sides of the roof would rise to one."""
     z = np.zeros((60, 60))
     z[10:50, 10:50] = 5.0
     z[12:48:4, 12:48] += 1.2
@@ -49,6 +49,13 @@ def test_teeth_of_a_roof_are_raised_one_after_the_other() -> None:
     z = np.zeros((60, 80))
     z[10:50, 10:70] = 5.0 + 0.25 * (np.arange(60) % 12)
     assert (raised(z) == (z > 0)).all()
+
+
+def test_a_hedge_beside_a_low_roof_does_not_join_it_to_the_ground() -> None:
+    z = np.zeros((40, 40))
+    z[10:30, 10:30] = 2.5
+    z[30:32, 10:14] = 1.2
+    assert (raised(z) == (z == 2.5)).all()
 
 
 def test_terraces_in_a_corner_of_the_data_stay_ground() -> None:

@@ -33,8 +33,8 @@ def raised_sections(z: Cells, slope: float, lattice: Lattice) -> Mask:
 
     Nearly all of the border of a roof that is seen is a step down; of terraces some of it leads on
     or up. What leads to edges of the data on opposite sides, as a quay or a causeway does, is no
-    roof. A part of a roof below another, which is raised, ends beyond that. Those that are too wide for a tile, and wide ones that the end of
-    the data cuts, are no roofs either, which is told.
+    roof. A part of a roof below another, which is raised, ends beyond that. Those that are too wide
+    for a tile, and wide ones that the end of the data cuts, are no roofs either, which is told.
 
     Sections are looked for twice: with cells of about one height, which hedges and cars do not join
     to the ground, and with all between which there is no step, as roofs of several heights.

@@ -302,6 +302,14 @@ def _is_level(cells: CellGrid, core: Ints) -> bool:
     return _flat(cells, core, middle, waves) or _two_levels(cells, core, middle, waves)
 
 
+def is_bent(cells: CellGrid, body: Body) -> bool:
+    """Whether a level body as it is in the end has a shape: it may have grown from a flat part.
+
+    A place is asked when it is found, too, and the middle of a crown or of a twist is flat.
+    """
+    return _bent(cells, _known(cells, body.cells), surely=body.dark >= VERY_DARK)
+
+
 def _bent(cells: CellGrid, core: Ints, *, surely: bool) -> bool:
     """Whether cells that are nearly level lie on a tilted or curved surface, as paved ground does.
 

@@ -42,6 +42,7 @@ from algorithms.shoreline._evidence import (
     Body,
     core_of,
     flows,
+    is_bent,
     is_long,
     looks_like_water,
 )
@@ -297,7 +298,7 @@ def _doubted(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
     What returns its pulses is known by being level and dark. So is a square among houses, darker
     than their roofs; but ground as low as it is close by, and would be under water but for the
     houses. So is the ground of a wood, as crowns take their share of each pulse; water has hardly
-    anything above it.
+    anything above it. And so is the flat middle of paved ground that is drained.
     """
     wet = _wet(cells, found).ravel()
     return [
@@ -305,7 +306,11 @@ def _doubted(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
         if not water.body.few
         and not water.fall
         and "class" not in water.body.evidence
-        and (_is_among_walls(cells, water, wet) or _is_overgrown(cells, water.body))
+        and (
+            is_bent(cells, water.body)
+            or _is_among_walls(cells, water, wet)
+            or _is_overgrown(cells, water.body)
+        )
         else water
         for water in found
     ]

@@ -245,4 +245,5 @@ def end_of(corridor: Corridor, curve: Catenary, radius: float, gap: float, reach
     u, _ = curve.along(corridor.air.xyz[near])
     body = np.sort(u[(u > curve.length - reach) & ((away > radius) | (u > curve.length))])
     dense = np.flatnonzero(body[most - 1 :] - body[: len(body) - most + 1] < reach)
-    return float(body[dense[0]]) if len(dense) else math.nan
+    # The first of them may be of the wire itself, a little beside the curve: the middle one tells.
+    return float(body[dense[0] + most // 2]) if len(dense) else math.nan

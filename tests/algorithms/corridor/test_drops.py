@@ -126,6 +126,14 @@ def test_a_drop_goes_on_to_the_house_that_it_leads_to() -> None:
     assert found.length == pytest.approx(DROP.length, abs=0.8)
 
 
+def test_a_drop_ends_at_the_house_though_points_of_it_lie_beside_its_curve() -> None:
+    """Of few points the direction is not well known: the last ones seem to be of a body."""
+    near = scatter(DROP.points(np.array([1.2, 2.1, 3.3, 4.2, 5.6, 6.4, 7.4, 9.0])))
+    last = DROP.points(np.array([13.9, 14.4])) + (0.12, 0.0, 0.05)
+    (found,) = drops(near, last, house())
+    assert found.length == pytest.approx(DROP.length, abs=0.4)
+
+
 def test_a_drop_may_lead_up_to_a_house() -> None:
     up = Catenary(35.0, 0.0, 0.28, 0.96, 15.0, 7.2, 11.0, 1 / 100)
     (found,) = drops(scatter(up.points(np.array(U))))

@@ -107,20 +107,29 @@ def _rise(u, z, length, weight, known, known_sigma, sigma, shape, normal, right,
 
 
 @helper
-def _squares(u, z, length, weight, shape, off, square):
-    """Fill in the squared distances of points from the curve, its RMS and its error of a height."""
+def _squares(u, z, length, weight, limit, shape, off, square):
+    """Fill in the squared distances of points from the curve, its RMS and its error of a height.
+
+    The error is that of an estimator that weights points by how far they lie (Huber 1981, 7.6): far
+    ones count less, which makes their scatter about the curve seem less than it is.
+
+    Parameters
+    ----------
+    limit : distance at which points have lost all weight
+    """
     u0, z0 = _hung(length, shape[FIT_Z_START], shape[FIT_Z_END], shape[FIT_CURVATURE])
-    total, tall, flat, count = 0.0, 0.0, 0.0, 0
+    total, tall, stiff, flat, count = 0.0, 0.0, 0.0, 0.0, 0
     for i in range(len(u)):
         away = (z[i] - _height(u[i], u0, z0, shape[FIT_CURVATURE])) ** 2
         square[i] = off[i] ** 2 + away
-        total += weight[i]
-        tall += weight[i] * away
         if weight[i] > 0:
+            total += weight[i]
+            tall += weight[i] ** 2 * away
+            stiff += weight[i] - 4 * math.sqrt(weight[i]) * away / limit**2
             flat += square[i]
             count += 1
     shape[FIT_RMS] = math.sqrt(flat / count)
-    shape[FIT_ERROR] = math.sqrt(tall / max(total - 3, 1.0))
+    shape[FIT_ERROR] = math.sqrt(total * count * tall / max(count - 3, 1)) / max(stiff, RIDGE)
 
 
 @kernel
@@ -166,7 +175,7 @@ def fitted(
         known if known > 0 else bend,
     )
     sways &= shape[FIT_CURVATURE] * length**2 / 8 > least_sag
-    sigma, used = spread / TUKEY_CUT, len(u)
+    sigma, limit, used = spread / TUKEY_CUT, math.inf, len(u)
     for number in range(FIT_ROUNDS):
         _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse)
         _rise(
@@ -183,7 +192,7 @@ def fitted(
             result,
             inverse,
         )
-        _squares(u, z, length, weight, shape, off, square)
+        _squares(u, z, length, weight, limit, shape, off, square)
         count = 0
         for i in range(len(u)):
             if weight[i] > 0:

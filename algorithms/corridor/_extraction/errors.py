@@ -5,6 +5,9 @@ that change over tens of metres, a strip lies higher than the next, and wind lif
 two flights. The covariance of a fit knows nothing of that. Where strips overlap, they disagree by
 as much; along a strip, the means of many points stray from the wire.
 
+How much few points scatter is not well known. All of a survey scatter alike, so a wire is no surer
+than its points are by the scatter of all.
+
 What all strips have in common, such as an error of the geoid, no point cloud can tell.
 
 References
@@ -70,7 +73,25 @@ def with_common_errors(corridor: Corridor, wires: Sequence[Wire]) -> list[Wire]:
     # From a few independent pieces a variance is not well known: as wide as Student's law.
     student = float(stdtrit(pieces_of(wires), NORMAL_LEVEL) / ndtri(NORMAL_LEVEL))
     common *= student**2
-    return [widened(wire, own, common) for wire, own in zip(wires, residuals, strict=True)]
+    scatter = scatters_of(wires, residuals)
+    return [
+        widened(wire, own, scatter[wire.tolerance], common)
+        for wire, own in zip(wires, residuals, strict=True)
+    ]
+
+
+def scatters_of(wires: Sequence[Wire], residuals: Sequence[Residuals]) -> dict[float, float]:
+    """Variance of the heights of points, of all wires that were followed at each tolerance.
+
+    Each wire takes three parameters from its points.
+    """
+    found = {}
+    for tolerance in {wire.tolerance for wire in wires}:
+        pairs = zip(wires, residuals, strict=True)
+        heights = [own.z for wire, own in pairs if wire.tolerance == tolerance and len(own.z)]
+        spare = sum(max(len(z) - 3, 1) for z in heights)
+        found[tolerance] = float(sum((z**2).sum() for z in heights)) / max(spare, 1)
+    return found
 
 
 def pieces_of(wires: Sequence[Wire]) -> float:
@@ -109,18 +130,24 @@ def along_strips(residuals: Sequence[Residuals]) -> float:
     return max(float(np.mean(found)), 0.0) if found else 0.0
 
 
-def widened(wire: Wire, own: Residuals, common: float) -> Wire:
+def widened(wire: Wire, own: Residuals, scatter: float, common: float) -> Wire:
     """A wire whose covariance holds a common error of a given variance of each strip.
 
     It is the same along the length that errors have in common, and another one beyond: the points
     of such a piece add to the fit as a group.
+
+    Parameters
+    ----------
+    scatter : variance of the heights of points by themselves, at least
+    common : variance of what they have in common
     """
     covariance = wire.curve.covariance
-    if covariance is None or not common or len(own.u) < 2:
+    if covariance is None or len(own.u) < 2:
         return wire
     slopes = wire.curve.slopes(own.u)
-    normal = np.linalg.pinv(covariance) * max(float((own.z**2).mean()), 1e-6)
-    inverse = np.linalg.pinv(normal)
+    # That of a point in the covariance; less where the curvature is known of other wires as well.
+    square = float(np.linalg.eigvals(covariance @ slopes.T @ slopes).real.max())
+    inverse = covariance / square
     group = (own.u / SETTINGS.errors.common_length).astype(np.int64)
     total = np.zeros((3, 3))
     for one in np.unique(group):
@@ -128,5 +155,5 @@ def widened(wire: Wire, own: Residuals, common: float) -> Wire:
         strips = of_strip.sum() ** 2 / (of_strip**2).sum()
         add = slopes[group == one].sum(axis=0)
         total += np.outer(add, add) * common / strips
-    more = inverse @ total @ inverse
-    return replace(wire, curve=replace(wire.curve, covariance=covariance + more))
+    covariance = inverse * max(square, scatter) + inverse @ total @ inverse
+    return replace(wire, curve=replace(wire.curve, covariance=covariance))

@@ -90,6 +90,20 @@ def test_the_covariance_is_that_of_repeated_fits() -> None:
     assert 0.6 < curvature.std() / np.sqrt(said) < 1.6
 
 
+@pytest.mark.parametrize("noise", [(0.012, 0.03), (0.1, 0.1)], ids=["upright", "round"])
+def test_standard_deviations_hold_whatever_the_errors_are_like(noise: tuple[float, float]) -> None:
+    """Far points lose weight, and what is left scatters less: no fit is surer for that."""
+    rng, off = np.random.default_rng(1), []
+    for _ in range(300):
+        u = np.sort(rng.uniform(0, 200, 150))
+        aside, up = rng.normal(0, noise[0], 150), rng.normal(0, noise[1], 150)
+        curve = fit(np.column_stack([u, aside, 20 + (u - 100) ** 2 / 2000 + up]), spread=0.5)
+        assert curve is not None
+        middle, _ = curve.along(np.array([[100.0, 0.0, 0.0]]))
+        off.append((curve.height(middle)[0] - 20) / curve.height_sigma(middle)[0])
+    assert np.std(off) == pytest.approx(1.0, abs=0.1)
+
+
 def test_wind_is_seen_as_a_swing() -> None:
     true, _ = wire((0, 0, 20), (200, 0, 20), 800)
     blown = Catenary(0, 0, 1, 0, 200, 20, 20, 1 / 800, swing=0.2)

@@ -110,6 +110,19 @@ def test_where_points_err_by_themselves_nothing_changes() -> None:
     assert within(before, truth) > 0.9
 
 
+def test_a_wire_whose_few_points_agree_by_chance_is_no_surer_than_the_others_tell() -> None:
+    _, (xyz, strip) = surveyed(1, 0.0, 0.0)
+    first = np.flatnonzero(xyz[:, 0] < 100)
+    few = first[:: len(first) // 6][:6]
+    xyz[few] = wire((0, 0, 20), (100, 0, 20), 800)[0].points(np.linspace(2, 98, 6))
+    here = (xyz[:, 0] >= 100) | np.isin(np.arange(len(xyz)), few)
+    before, after = found(xyz[here], strip[here], told=False)
+    alone = [float(np.median(some[0].curve.height_sigma(U))) for some in (before, after)]
+    others = [float(np.median(one.curve.height_sigma(U))) for one in after[1:]]
+    assert alone[0] < 0.006  # the least scatter that a fit knows
+    assert alone[1] > 3 * np.median(others)  # with a thirtieth of the points
+
+
 def test_a_wire_without_covariance_stays() -> None:
     _, (xyz, strip) = surveyed(2, 0.1, 0.0)
     wires, _ = found(xyz, strip, told=True)

@@ -129,7 +129,7 @@ def test_a_drop_goes_on_to_the_house_that_it_leads_to() -> None:
 def test_a_drop_ends_at_the_house_though_points_of_it_lie_beside_its_curve() -> None:
     """Of few points the direction is not well known: the last ones seem to be of a body."""
     near = scatter(DROP.points(np.array([1.2, 2.1, 3.3, 4.2, 5.6, 6.4, 7.4, 9.0])))
-    last = DROP.points(np.array([13.9, 14.4])) + (0.12, 0.0, 0.05)
+    last = DROP.points(np.array([13.9, 14.4])) + np.array([0.12, 0.0, 0.05])
     (found,) = drops(near, last, house())
     assert found.length == pytest.approx(DROP.length, abs=0.4)
 

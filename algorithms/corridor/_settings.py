@@ -106,28 +106,25 @@ class Curves:
         "1",
         "share of a curve along which it stands out from its surroundings, of what may be wire",
     )
-    sure_share: float = tried(0.7, "1", "the same, of a curve that is a wire by itself")
     fewest_points: int = unlikely(7, "points", "of a curve")
     sure_length: float = tried(30.0, "m", "length from which a curve is a wire by itself")
     fine_length: float = tried(18.0, "m", "the same of a clean curve")
-    fine_points: int = tried(20, "points", "of a clean curve")
     fine_rms: float = tried(0.3, "tolerances", "scatter of a clean curve")
     roughest: float = tried(0.8, "tolerances", "scatter of anything that may be wire")
     largest_c: float = built(5000.0, "m", "most tension over weight of a wire")
     smallest_c: float = built(30.0, "m", "least tension over weight of a wire")
     certain_sigmas: float = unlikely(3.0, "sigmas", "from which something is certain")
-    largest_swing: float = built(1.5, "tangent", "of the angle by which wind may lift a wire")
     clutter_radius: float = tried(
         1.5, "m", "around a wire, an arm, the top of a support or what a rope carries"
     )
     alone_share: float = tried(
         0.2, "1", "share of a wire along which there is no clutter, at least"
     )
-    isolated_share: float = tried(
-        0.55, "1", "share of a curve with points, and nothing around it, of a sure wire"
-    )
     isolated_points: int = unlikely(
-        15, "points", "of such a wire; with fewer on an arc it does not tell alone where it is held"
+        15,
+        "points",
+        "of a clean curve, or of one with nothing around it; with fewer on an arc it does not tell "
+        "alone where it is held",
     )
     hanger_depth: float = built(
         5.0, "m", "depth of what hangs from a curve, and step along it for which that is counted"
@@ -189,9 +186,6 @@ class Structures:
     )
     messenger_least_c: float = built(
         300.0, "m", "tension over weight of a wire that holds another, at least"
-    )
-    messenger_most_c: float = built(
-        1500.0, "m", "tension over weight of a wire that holds another, at most"
     )
     messenger_height: float = built(
         10.0, "m", "above the rails: 6.5 of the contact wire, and what holds it"

@@ -163,13 +163,11 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
         if catenary is not None and not is_on_roof(corridor, catenary):
             fine = (
                 curve[kernels.CURVE_RMS] < SETTINGS.curves.fine_rms * corridor.tolerance
-                and len(points) >= SETTINGS.curves.fine_points
+                and len(points) >= SETTINGS.curves.isolated_points
                 and clear >= 0.9
             )
-            sure = clear >= SETTINGS.curves.sure_share and length >= (
-                SETTINGS.curves.fine_length if fine else SETTINGS.curves.sure_length
-            )
-            found.append(Piece(points, catenary, sure))
+            enough = SETTINGS.curves.fine_length if fine else SETTINGS.curves.sure_length
+            found.append(Piece(points, catenary, bool(length >= enough)))
     return isolated(corridor, untied(corridor, found))
 
 
@@ -248,7 +246,7 @@ def isolated(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
         on_it, beside = by_step(
             corridor, piece.curve, taken, SETTINGS.points.company_side, corridor.tolerance
         )
-        clear = np.mean((on_it > 0) & (beside == 0)) > SETTINGS.curves.isolated_share
+        clear = np.mean((on_it > 0) & (beside == 0)) > SETTINGS.structures.filled
         sure = piece.sure or (bool(clear) and len(piece.points) >= SETTINGS.curves.isolated_points)
         found.append(replace(piece, sure=sure))
     return found
@@ -264,7 +262,6 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
         if arc.curve.c > SETTINGS.curves.smallest_c
         and arc.curve.rms < SETTINGS.curves.roughest * corridor.tolerance
     ]
-    bent = [arc for arc in bent if abs(arc.curve.swing) < SETTINGS.curves.largest_swing]
     found = connected([a for a in bent if a.sure], [a for a in bent if not a.sure])
     found = joined(corridor, found)
     found = [one for one in found if not any(lies_on(corridor, one, other) for other in found)]

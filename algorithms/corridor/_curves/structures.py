@@ -70,9 +70,7 @@ def _levelled(low: Floats, high: Floats, along: Floats, points: Floats) -> bool:
     bends = [2 * float(shape[0]) / SETTINGS.structures.contact_step**2 for shape in (lower, upper)]
     thin = max(rough, rougher) < SETTINGS.arcs.smooth * width
     loaded = (
-        SETTINGS.structures.messenger_least_c
-        < 1 / max(bends[1], 1e-9)
-        < SETTINGS.structures.messenger_most_c
+        SETTINGS.structures.messenger_least_c < 1 / max(bends[1], 1e-9) < SETTINGS.curves.largest_c
     )
     held = thin and loaded and abs(bends[0]) < SETTINGS.structures.contact_bend * bends[1]
     here = (along >= 0) & (along < len(low))

@@ -49,12 +49,9 @@ def same_wire(corridor: Corridor) -> float:
 
 
 def leads(wire: Wire) -> bool:
-    """Whether both ends of a wire are well known, and its swing is possible."""
+    """Whether both ends of a wire are well known."""
     ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
-    return bool(
-        ends.max() < SETTINGS.continued.lost_end
-        and abs(wire.curve.swing) < SETTINGS.curves.largest_swing
-    )
+    return bool(ends.max() < SETTINGS.continued.lost_end)
 
 
 # --- wires that were not found in a span ---------------------------------------------------

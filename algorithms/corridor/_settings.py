@@ -114,6 +114,7 @@ class Curves:
     largest_c: float = built(5000.0, "m", "most tension over weight of a wire")
     smallest_c: float = built(30.0, "m", "least tension over weight of a wire")
     certain_sigmas: float = unlikely(3.0, "sigmas", "from which something is certain")
+    largest_swing: float = built(1.5, "tangent", "of the angle by which wind may lift a wire")
     clutter_radius: float = tried(
         1.5, "m", "around a wire, an arm, the top of a support or what a rope carries"
     )

@@ -262,6 +262,7 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
         if arc.curve.c > SETTINGS.curves.smallest_c
         and arc.curve.rms < SETTINGS.curves.roughest * corridor.tolerance
     ]
+    bent = [arc for arc in bent if abs(arc.curve.swing) < SETTINGS.curves.largest_swing]
     found = connected([a for a in bent if a.sure], [a for a in bent if not a.sure])
     found = joined(corridor, found)
     found = [one for one in found if not any(lies_on(corridor, one, other) for other in found)]

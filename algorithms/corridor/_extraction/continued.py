@@ -49,9 +49,12 @@ def same_wire(corridor: Corridor) -> float:
 
 
 def leads(wire: Wire) -> bool:
-    """Whether both ends of a wire are well known."""
+    """Whether both ends of a wire are well known, and its swing is possible."""
     ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
-    return bool(ends.max() < SETTINGS.continued.lost_end)
+    return bool(
+        ends.max() < SETTINGS.continued.lost_end
+        and abs(wire.curve.swing) < SETTINGS.curves.largest_swing
+    )
 
 
 # --- wires that were not found in a span ---------------------------------------------------

@@ -218,11 +218,13 @@ def openings(
     held = Polygons.of(shapely.get_parts(firm)).hold(uv)
     wall = outline(uv[held] if held.any() else uv, max_width, ctx=ctx.part(0.4, 0.8))
     here = np.flatnonzero(~front.own & (front.behind > 0) & (front.behind <= depth))
+    before = ~front.own & (front.behind < -front.step) & (front.behind >= -recess)
+    solid = front.uv[front.own | before]
     found, dropped = [], []
     limits = {"min_width": min_width, "max_width": max_width, "tallest": tallest}
     for gap in gaps(front, **limits, recess=recess):
         ctx.progress(0.8)
-        shape = None if gap.dropped else _shape(gap, uv, front)
+        shape = None if gap.dropped else _shape(gap, solid, front)
         inside = here if shape is None else here[_in(shape, front.uv[here])]
         inside = inside[front.behind[inside] > min(front.step, BEHIND * front.apart)]
         if reason := _reason(gap, shape, len(inside), min_width, max_width, fewest):
@@ -233,7 +235,7 @@ def openings(
             dropped.append(gap._replace(dropped=BLIND))
             continue
         one = _described(gap, shape, inside, front, shades, recess)
-        one = _with_intervals(one, uv, front)
+        one = _with_intervals(one, solid, front)
         sure = one.certainty * (OF_TWO if unlike <= ALIKE else 1.0)
         found.append(one._replace(certainty=sure, niche=unlike <= ALIKE))
     ctx.progress(1.0)

@@ -29,6 +29,7 @@ PER_CELL = 4.0  # points of the wall in a square, about
 SIGMAS = 3.0  # standard deviations of a wall within which its points lie
 HOLES = (0.05, 0.6)  # share of a panel that its openings take
 MUCH, OPEN = 0.1, 0.1  # shares of a front and of holes in it, of planes in one depth that are wall
+NEAR = 0.25  # width of the largest opening, within which wall tells the depth of a piece beside it
 LIKE = 3.0  # standard deviations of the logarithm of intensity, within which a panel is wall
 FEW = 20_000  # points of a plane that tell its size
 ROUNDS = 20  # squares from which one can be told what it is
@@ -83,7 +84,12 @@ class Relief(NamedTuple):
 
 
 class _Plane(NamedTuple):
-    """A plane of the front: depth and spread of its points, size, logarithm of their intensity."""
+    """A plane of the front: depth and spread of its points, size, logarithm of their intensity.
+
+    Attributes
+    ----------
+    some : array of shape (m, 3), places and depths of points, not all of many
+    """
 
     number: int
     depth: float
@@ -92,6 +98,14 @@ class _Plane(NamedTuple):
     shade: float
     shade_spread: float
     holes: float
+    some: Floats
+
+    def beside(self, part: _Plane, reach: float) -> float:
+        """Its depth beside another one, as it may slant; NaN if it is nowhere as near."""
+        low, high = np.quantile(part.some[:, :2], INNER, axis=0)
+        places = self.some[:, :2]
+        near = ((places >= low - reach) & (places <= high + reach)).all(axis=1)
+        return float(np.median(self.some[near, 2])) if near.any() else math.nan
 
 
 class _Walls(NamedTuple):
@@ -256,7 +270,8 @@ def _plane(
     size, holes = _size(uv[part], held, row, column), _holes(held)
     part = part[:: 1 + len(part) // FEW]
     shade = np.full(1, np.nan) if shades is None else shades[part]
-    return _Plane(index, *_robust(away[part]), size, *_robust(shade), holes)
+    some = np.column_stack([uv[part], away[part]])
+    return _Plane(index, *_robust(away[part]), size, *_robust(shade), holes, some)
 
 
 def _robust(values: Floats) -> tuple[float, float]:
@@ -326,7 +341,7 @@ def _walls(
                 continue
             known = not math.isnan(part.shade)
             like = known and max(abs(part.shade - shade), part.shade_spread) <= shade_limit
-            level = any(abs(part.depth - wall.depth) <= step for wall in firm)
+            level = _level(part, firm, (step, recess), NEAR * largest[0])
             panel = panels and HOLES[0] <= part.holes <= HOLES[1]
             if not known:
                 panel &= part.depth > recess or _layer(part, parts, step)
@@ -334,6 +349,26 @@ def _walls(
                 walls.append(part)
                 firm += [part] if panel else []
     return _Walls([part.number for part in walls], spread)
+
+
+def _level(
+    part: _Plane, walls: list[_Plane], panes: tuple[float, float], reach: float
+) -> bool:
+    """Whether a plane lies in the depth of one that is wall.
+
+    What stands back as panes do from the wall beside it is none, though the wall of the next house
+    may lie in its depth.
+
+    Parameters
+    ----------
+    panes : how far they stand back, from and to
+    reach : how far away a wall is beside it
+    """
+    back = part.depth - np.array([wall.beside(part, reach) for wall in walls])
+    if (np.abs(back) <= panes[0]).any():
+        return True
+    level = any(abs(part.depth - wall.depth) <= panes[0] for wall in walls)
+    return level and not ((back > panes[0]) & (back <= panes[1])).any()
 
 
 def _layer(part: _Plane, parts: list[_Plane], step: float) -> bool:

@@ -42,6 +42,9 @@ KINDS = (
     "niches",
     "glass",
     "grazing",
+    "surrounds",
+    "timber",
+    "row",
 )
 
 
@@ -77,6 +80,14 @@ class _Style(NamedTuple):
 
 def house_front(kind: str, seed: int) -> HouseFront:
     """A front of one of the `KINDS`; all sizes are drawn by the seed."""
+    if kind == "row":
+        return _row(seed)
+    house, style = _drawn(kind, seed)
+    return _seen(house, style)
+
+
+def _drawn(kind: str, seed: int) -> tuple[House, _Style]:
+    """The faces of a front."""
     rng = np.random.default_rng([seed, KINDS.index(kind)])
     house = House(BAY * int(rng.integers(4, 7)) + float(rng.uniform(0.2, 1.0)), rng)
     style = _Style(
@@ -96,7 +107,34 @@ def house_front(kind: str, seed: int) -> HouseFront:
         _relief(house, style)
     if kind == "hidden":
         _before(house)
-    return _seen(house, style)
+    if kind == "surrounds":
+        _surrounds(house)
+    if kind == "timber":
+        _timber(house, style)
+    return house, style
+
+
+def _row(seed: int) -> HouseFront:
+    """Three houses in a row, each turned by up to 6° and standing forward or back."""
+    rng = np.random.default_rng([seed, KINDS.index("row")])
+    parts, shades, openings = [], [], []
+    corner = np.zeros(3)
+    for place, kind in enumerate(("panes", "shutters", "relief")):
+        house, style = _drawn(kind, 10 * seed + place)
+        made = _seen(house, style)
+        origin = house.placed(np.zeros((1, 3)))
+        axes = house.placed(np.eye(3)) - origin
+        xyz = (made.xyz - origin) @ axes.T
+        past = 15.0 * np.array([place == 0, place == 2])  # the street beyond the ends of the row
+        here = (xyz[:, 0] > -past[0]) & (xyz[:, 0] < house.size + past[1]) & (xyz[:, 1] < 1.5)
+        turn = np.radians(rng.uniform(-6.0, 6.0))
+        turned = np.eye(3)
+        turned[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        parts.append(xyz[here] @ turned + corner)
+        shades.append(made.intensity[here])
+        openings += [(ring - origin) @ axes.T @ turned + corner for ring in made.openings]
+        corner = corner + [house.size, 0.0, 0.0] @ turned + [0.0, rng.uniform(-0.8, 0.8), 0.0]
+    return HouseFront(np.vstack(parts), np.concatenate(shades), openings)
 
 
 def _seen(house: House, style: _Style) -> HouseFront:
@@ -239,6 +277,39 @@ def _relief(house: House, style: _Style) -> None:
         x = min(bay * BAY, size - 0.3)
         low, high = (x - 0.3, -relief, 0.4), (x + 0.3, 0.0, top - 0.4)
         house.box("pilaster", low, high, bay=min(bay, bays - 1), shade=29000)
+
+
+def _surrounds(house: House) -> None:
+    """Stone of another colour before the wall, around each opening, and sills."""
+    rng = house.rng
+    deep, wide = float(rng.uniform(0.03, 0.08)), float(rng.uniform(0.12, 0.22))
+    stone: dict[str, Any] = {"shade": float(rng.choice([12000, 20000, 42000]))}
+    for x1, x2, z1, z2, _, bay in house.openings:
+        for low, high in ((x1 - wide, x1), (x2, x2 + wide)):
+            house.box("surround", (low, -deep, z1), (high, 0.0, z2), bay=bay, **stone)
+        house.box("head", (x1 - wide, -deep, z2), (x2 + wide, 0.0, z2 + wide), bay=bay, **stone)
+        if z1 > 0.3:
+            low, high = (x1 - wide, -0.15, z1 - 0.1), (x2 + wide, 0.0, z1)
+            house.box("sill", low, high, bay=bay, **stone)
+
+
+def _timber(house: House, style: _Style) -> None:
+    """Dark posts and rails before the panels of a half-timbered wall, some beside its openings."""
+    deep, wide = float(house.rng.uniform(0.02, 0.04)), 0.16
+    dark: dict[str, Any] = {"shade": 12000}
+    for storey in range(STOREYS + 1):
+        low = storey * style.storey - wide / 2
+        house.box("rail", (0.0, -deep, low), (house.size, 0.0, low + wide), **dark)
+    for x1, x2, z1, z2, _, bay in house.openings:
+        left, right, floor = bay * BAY, (bay + 1) * BAY, z1 // style.storey * style.storey
+        for x in (left, x1 - wide, x2):
+            low, high = (x, -deep, floor), (x + wide, 0.0, floor + style.storey)
+            house.box("post", low, high, bay=bay, **dark)
+        for z in (z1 - wide, z2):
+            house.box("rail", (left, -deep, z), (right, 0.0, z + wide), bay=bay, **dark)
+        for low, high in ((left, x1), (x2, right)):
+            middle = (z1 + z2) / 2
+            house.box("rail", (low, -deep, middle), (high, 0.0, middle + wide), bay=bay, **dark)
 
 
 def _before(house: House) -> None:

@@ -58,7 +58,10 @@ def test_panes_are_not_wall_by_others_between_them_and_the_wall() -> None:
     """Each is as near to the one before as points of one plane may be; the wall is not."""
     sizes = [(20.0, 8.0), (1.0, 1.5), (1.0, 1.5), (1.0, 1.5)]
     parts = [
-        _Plane(k, 0.05 * k, 0.02, np.array(size), math.nan, math.nan, 0.0)
+        _Plane(
+            *(k, 0.05 * k, 0.02, np.array(size), math.nan, math.nan, 0.0),
+            np.array([[0, 0, 0.05 * k], [*size, 0.05 * k]]),
+        )
         for k, size in enumerate(sizes)
     ]
     assert _walls(parts, (4.0, 6.0), recess=0.25, least=0.02).planes == [0, 1]
@@ -89,8 +92,39 @@ def front(turn: float = 0.0, metre: float = 1.0) -> PointCloud:
     return PointCloud((turned + FAR) * metre, columns, crs=crs)
 
 
+def with_more(cloud: PointCloud, xyz: Floats, plane: int) -> PointCloud:
+    """The cloud with another plane, its points in the coordinates of the wall."""
+    numbers = np.append(cloud["plane_id"], np.full(len(xyz), plane, np.int32))
+    columns = {"plane_id": numbers.astype(np.int32), "kind": numbers.astype(np.uint8)}
+    return PointCloud(np.vstack([cloud.xyz, xyz + FAR]), columns, crs=cloud.crs)
+
+
 def found(cloud: PointCloud, **settings: Any) -> PlanesOpenings.Outputs:
     return PlanesOpenings(points=cloud, **settings).run()
+
+
+def test_an_opening_ends_at_a_frame_that_stands_before_the_wall() -> None:
+    """Stone or timber of another colour is no plane of the wall: it was a part of the opening."""
+    rng = np.random.default_rng(2)
+    left, bottom, right, top = OPEN[WINDOW]
+    outer = flat((left - 0.2, bottom - 0.2, right + 0.2, top + 0.2), 1500, -0.05, rng)
+    inner = (outer[:, 0] > left) & (outer[:, 0] < right)
+    ring = outer[~(inner & (outer[:, 2] > bottom) & (outer[:, 2] < top))]
+    cloud = front()
+    xyz = cloud.xyz - FAR
+    hidden = ((xyz > outer.min(axis=0)) & (xyz < outer.max(axis=0)))[:, [0, 2]].all(axis=1)
+    bare = cloud.select(~(hidden & (cloud["plane_id"] == WALL)))
+    frame = found(with_more(bare, ring, 7)).openings.frame.set_index("kind")
+    row = frame.loc["window"]
+    assert (row.width, row.height) == pytest.approx((right - left, top - bottom), abs=0.05)
+
+
+def test_a_door_in_the_depth_of_the_next_house_is_one() -> None:
+    """It stands back from the wall around it, though the wall of the next house lies there, too."""
+    rng = np.random.default_rng(3)
+    house = flat((10.0, 0, 18.0, 4.0), 1500, 0.2, rng)
+    frame = found(with_more(front(), house, 7)).openings.frame
+    assert sorted(frame["kind"]) == ["door", "window"]
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.5, 3.0])

@@ -1,8 +1,8 @@
 """Fronts of buildings: upright planes that face one way, one before the other within a depth.
 
 A front is more than a plane: pilasters, cornices, balconies and storeys that stand back are planes
-of their own. The one in which most lies is the reference; the relief of a part is how far it stands
-before it.
+of their own. The one in which most lies, for how much it scatters, is the reference; the relief of a
+part is how far it stands before it.
 """
 
 from __future__ import annotations
@@ -71,13 +71,14 @@ class Front(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Points of a plane, not all of many, and the area of the squares that hold some."""
+    """Points of a plane, not all of many, the area of squares that hold some, and their spread."""
 
     number: int
     xyz: Floats
     few: Floats
     area: float
     wide: bool
+    spread: float
 
 
 def fronts_of(
@@ -87,7 +88,9 @@ def fronts_of(
 
     The upright plane in which most lies of what is left, in one piece or several, begins a front.
     Planes join that are parallel to it, lie within the depth before or behind it, and are no
-    farther along it than a storey from a plane of the front.
+    farther along it than a storey from a plane of the front. The reference is the one of these in
+    which most lies over the root of its spread: goods and panes of a shop may be more than its
+    wall, which is flatter, and gates may be flatter than a large wall of rubble.
 
     Parameters
     ----------
@@ -107,7 +110,10 @@ def fronts_of(
     found = []
     while (first := next((part for part in waiting if part.wide), None)) is not None:
         left = {part.number for part in waiting}
-        same = [part for part in level[first.number] if part.number in left]
+        members = _members(first, planes[first.number], waiting, planes, depth, STOREY * metre)
+        wide = [part for part in members if part.wide]
+        flat = max(wide, key=lambda part: support[part.number] / math.sqrt(part.spread))
+        same = [part for part in level[flat.number] if part.number in left]
         first = max((part for part in same if part.wide), key=lambda part: part.area)
         reference = planes[first.number]
         members = _members(first, reference, waiting, planes, depth, STOREY * metre)
@@ -123,13 +129,13 @@ def fronts_of(
 
 def _in_plane(part: _Part, others: list[_Part], planes: Sequence[Plane]) -> list[_Part]:
     """The parts in the plane of one, as far as their points and its own spread."""
-    plane = planes[part.number]
-    limit = COPLANAR * float(np.quantile(np.abs(plane.distances(part.few)), INNER[1]))
-    return [
-        other
-        for other in others
-        if np.quantile(np.abs(plane.distances(other.few)), INNER[1]) <= limit
-    ]
+    limit = COPLANAR * part.spread
+    return [other for other in others if _farthest(planes[part.number], other.few) <= limit]
+
+
+def _farthest(plane: Plane, xyz: Floats) -> float:
+    """Distance from a plane within which nineteen of twenty points lie."""
+    return float(np.quantile(np.abs(plane.distances(xyz)), INNER[1]))
 
 
 def _some(part: NDArray[Any]) -> NDArray[Any]:
@@ -141,7 +147,8 @@ def _part(number: int, plane: Plane, xyz: Floats, metre: float) -> _Part:
     side = SQUARE * metre
     held = np.unique(np.floor(flat / side).astype(np.int64), axis=0)
     wide = bool(np.ptp(flat, axis=0).min() >= STOREY * metre)
-    return _Part(number, xyz, xyz[:: 1 + len(xyz) // FEW], len(held) * side**2, wide)
+    few = xyz[:: 1 + len(xyz) // FEW]
+    return _Part(number, xyz, few, len(held) * side**2, wide, max(_farthest(plane, few), 1e-9))
 
 
 def _flat(plane: Plane, xyz: Floats) -> Floats:

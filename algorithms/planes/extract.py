@@ -81,8 +81,8 @@ class PlanesExtract:
 
     A front is an upright plane, at least 2.5 m wide and high, with all planes parallel to it within
     `front_depth`: pilasters, cornices, balconies and storeys that stand back. Its reference is the
-    largest of them, and `relief` is how far a plane stands before that, towards the side from
-    which it was seen, or behind it (below 0).
+    largest of them, for how much its points scatter, and `relief` is how far a plane stands before
+    that, towards the side from which it was seen, or behind it (below 0).
 
     Outlines leave out what a circle of the diameter `plane_gap` without points covers. The
     elevation shows them in the coordinates of the largest upright plane, to the right and upwards

@@ -88,14 +88,15 @@ class PlanesOpenings:
     opening, as far as it is seen, is not wall, and how much of its sides has wall beside it. Gaps
     that were looked at and are no openings are in `dropped`, with the reason.
 
-    Each edge of a rectangle is where 95 of 100 rows of points on the wall end. Where something
-    stands in front, such as a balcony, the gap ends at its shadow. An edge is seen
-    where points lie on both sides: on the wall outside, and behind it inside, no farther away than
-    `recess` or what their density tells. `edge_seen` is the share of the outline that is, and
-    `hidden` names the sides of a rectangle of which less than half is, or beside which half of the
-    rows of points of the wall are missing. They may be elsewhere. Of the others `left_interval` and
-    so on say how sure they are (95 %), by the distance of the points and how evenly their rows end
-    there; `unsure` names those at which they do not.
+    Each edge of a rectangle is where 95 of 100 rows of points end, on the wall or no farther before
+    it than `recess`, as on frames, timber and sills. Where something stands farther in front, such
+    as a balcony, the gap ends at its shadow. An edge is seen where points lie on both sides: on
+    the wall outside, and behind it inside, no farther away than `recess` or what their density
+    tells. `edge_seen` is the share of the outline that is, and `hidden` names the sides of a
+    rectangle of which less than half is, or beside which half of the rows of points of the wall are
+    missing. They may be elsewhere. Of the others `left_interval` and so on say how sure they are
+    (95 %), by the distance of the points and how evenly their rows end there; `unsure` names those
+    at which they do not.
 
     A door is at least 1.8 m high and begins at most 0.3 m above the foot of the wall. An opening
     that begins below 0.8 m, and whose lower side was not seen, may be either: `door or window`,

@@ -936,6 +936,26 @@ def test_a_strip_in_the_plane_of_a_wall_is_not_its_reference(noise: float) -> No
     assert front.plane.normal[1] < -0.99
 
 
+@pytest.mark.parametrize(
+    ("wall", "wall_noise", "other", "other_noise"),
+    [((3.0, 2.6), 0.002, (4.0, 2.6), 0.015), ((12.0, 6.0), 0.02, (6.0, 2.6), 0.003)],
+    ids=["goods in a shop", "gates of garages in a wall of rubble"],
+)
+def test_the_reference_is_large_and_flat(
+    wall: tuple[float, float], wall_noise: float, other: tuple[float, float], other_noise: float
+) -> None:
+    """Neither what scatters over more area, nor what is flatter on much less."""
+    rng = np.random.default_rng(4)
+    parts = []
+    for size, noise, depth in ((wall, wall_noise, 0.0), (other, other_noise, 0.12)):
+        places = rng.random((4_000, 2)) * size
+        parts.append(np.column_stack([places[:, 0], rng.normal(depth, noise, 4_000), places[:, 1]]))
+    ids = np.repeat([1, 2], 4_000).astype(np.int32)
+    planes = [fitted(part) for part in parts]
+    front = fronts_of(np.vstack(parts), ids, planes, depth=1.5, metre=1.0)[0]
+    assert front.members[0] == 0
+
+
 def test_gaps_of_all_pieces_of_a_wall_tell_its_side() -> None:
     """The largest piece has none."""
     wall, pane = wall_with_panes(0.2)

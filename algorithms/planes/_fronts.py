@@ -1,8 +1,8 @@
 """Fronts of buildings: upright planes that face one way, one before the other within a depth.
 
 A front is more than a plane: pilasters, cornices, balconies and storeys that stand back are planes
-of their own. The one in which most lies, for how much it scatters, is the reference; the relief of a
-part is how far it stands before it.
+of their own. The one in which most lies, for how much it scatters, is the reference; the relief of
+a part is how far it stands before it.
 """
 
 from __future__ import annotations

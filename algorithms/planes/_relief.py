@@ -351,9 +351,7 @@ def _walls(
     return _Walls([part.number for part in walls], spread)
 
 
-def _level(
-    part: _Plane, walls: list[_Plane], panes: tuple[float, float], reach: float
-) -> bool:
+def _level(part: _Plane, walls: list[_Plane], panes: tuple[float, float], reach: float) -> bool:
     """Whether a plane lies in the depth of one that is wall.
 
     What stands back as panes do from the wall beside it is none, though the wall of the next house

@@ -19,7 +19,7 @@ from pyproj import CRS
 from algorithms.planes._fronts import fronts_of, outside
 from algorithms.planes._gaps import TOO_WIDE, Gap, _squares, too_large
 from algorithms.planes._openings import EITHER, SIDES, Opening, _with_intervals, kind_of
-from algorithms.planes._relief import _held, _holes, _Plane, _size, _walls, around
+from algorithms.planes._relief import _held, _holes, _level, _Plane, _size, _walls, around
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings, fitted
@@ -65,6 +65,31 @@ def test_panes_are_not_wall_by_others_between_them_and_the_wall() -> None:
         for k, size in enumerate(sizes)
     ]
     assert _walls(parts, (4.0, 6.0), recess=0.25, least=0.02).planes == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("before", "beside", "depth", "level"),
+    [
+        (0.0, 1.5, 0.1, False),
+        (0.0, 0.5, 0.1, True),
+        (0.0, 1.5, 0.5, True),
+        (-9.0, 1.5, 0.1, True),
+    ],
+    ids=["a pane", "with wall beside in its depth", "between deep pilasters", "nothing before it"],
+)
+def test_what_stands_back_from_the_wall_beside_it_is_none(
+    before: float, beside: float, depth: float, level: bool
+) -> None:
+    """Though other wall lies in its depth, far along the front."""
+    up = np.linspace(0, 2, 50)
+
+    def strip(left: float, depth: float) -> _Plane:
+        some = np.column_stack([left + up / 4, up, 0 * up + depth])
+        return _Plane(0, depth, 0.003, np.array([0.5, 2.0]), math.nan, math.nan, 0.0, some)
+
+    part = strip(5.0, depth)
+    walls = [strip(4.4 + before, 0.0), strip(5.5 + beside, depth)]
+    assert _level(part, walls, (0.02, 0.25), 1.0) is level
 
 
 @cache

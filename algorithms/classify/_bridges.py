@@ -15,7 +15,7 @@ from toolbox.context import log
 
 BESIDE = 1.5  # metres from a deck in which ground lies at its ends
 LEVEL = 0.75  # metres that ground may be above or below a deck there
-STEEPEST = 1 / 12  # fall of a deck from its middle to its ends: that of ramps for wheelchairs
+NEAR = 5.0  # metres around an end: a deck hardly rises over that, and a roof does from its eaves
 ENDS = 3.0  # metres, length of an end
 BETWEEN = 0.75  # share of a deck that lies between its ends; of a house in a slope two thirds do
 OVER_GROUND = 3.0  # metres, height of a deck
@@ -28,9 +28,9 @@ Shapes = NDArray[Any]
 def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     """True for regions at whose two ends the ground rises to their level: bridges.
 
-    At an end, points nearer to the ground than a roof lie beside the region, at its level. A low
-    roof has those as well, but below its middle by more than a deck falls to its ends; a house on
-    a slope on one side only, or on two that meet at a corner.
+    At an end, points nearer to the ground than a roof lie beside the region, at its level there. A
+    low roof has those as well, but rises from its eaves; a house on a slope on one side only, or on
+    two that meet at a corner.
 
     Parameters
     ----------
@@ -52,9 +52,7 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     )
     for number in np.unique(beside):
         deck, ends = features.within(shapes[number], roof), low[point[beside == number]]
-        away = np.hypot(*(features.xyz[ends, :2] - np.median(features.xyz[deck, :2], axis=0)).T)
-        lowest = np.median(levels(features, deck)) - LEVEL - STEEPEST * away / metre
-        ends = ends[levels(features, ends) >= lowest]
+        ends = ends[levels(features, ends) >= levels_around(features, ends, deck) - LEVEL]
         if np.median(height[deck]) < OVER_GROUND or not len(ends):
             continue
         found[number] = between_ends(shapes[number], features.xyz[ends, :2], metre)
@@ -80,6 +78,15 @@ def low_beside(features: PointFeatures, roof: Mask) -> NDArray[np.int64]:
 def levels(features: PointFeatures, some: NDArray[np.int64]) -> NDArray[np.float64]:
     """Elevations of some points, given by index, in metres."""
     return np.asarray(features.xyz[some, 2] / features.cloud.metre)
+
+
+def levels_around(
+    features: PointFeatures, some: NDArray[np.int64], deck: NDArray[np.int64]
+) -> Floats:
+    """Median elevation of the points of a deck around each of some, in metres."""
+    tree, height = cKDTree(features.xyz[deck, :2]), levels(features, deck)
+    near = tree.query_ball_point(features.xyz[some, :2], NEAR * features.cloud.metre)
+    return np.array([np.median(height[around]) for around in near])
 
 
 def between_ends(deck: Any, xy: Floats, metre: float) -> bool:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from algorithms.shared import parameters
 from algorithms.shared.ground import NOWHERE, Candidates, Mask, Returns
 from algorithms.shared.heights import HEIGHT
+from algorithms.shared.lowest import cells_of
 from algorithms.shared.plausible import tell_of_ground
+from algorithms.shared.sections import tell_of_wide
 from algorithms.shared.terrain import HALO, Terrain, find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster
@@ -93,6 +95,7 @@ class GroundClassify:
         terrain = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx.part(0, 0.95))
         ground, clear = verdict(candidates.xyz, terrain)
         tell_of_ground(candidates.xyz, ground, cloud.metre)
+        _tell_of_wide(candidates.xyz[ground & cloud.core[candidates.chosen]], terrain)
         classified = self._classified(candidates, ground, clear, terrain)
         ctx.progress(1.0)
         return self.Outputs(
@@ -127,3 +130,11 @@ class GroundClassify:
             )
         labelled = candidates.classified(ground)
         return labelled.with_attributes(made, descriptions=told)
+
+
+def _tell_of_wide(ground: NDArray[np.float64], terrain: Terrain) -> None:
+    """Warn of ground, of shape (n, 3), in places that may be wide roofs."""
+    if terrain.wide.any():
+        there = np.zeros(terrain.wide.size, bool)
+        there[cells_of(ground, terrain.lattice)] = True
+        tell_of_wide(terrain.wide & there.reshape(terrain.wide.shape), terrain.lattice)

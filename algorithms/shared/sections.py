@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label, maximum_filter
+from scipy.ndimage import binary_closing, label
 
 from algorithms.shared.kernels import sections as kernels
 from toolbox.context import log
@@ -19,6 +19,7 @@ DROP = 1.0  # metres of a step down, beyond the slope
 ALL_ROUND, MOST_ROUND = 0.7, 0.4  # share of the seen and of the whole border that are steps
 ACROSS, GAPS = 0.1, 2  # share of what lies at the end of the data, and cells, that may be opposite
 SMALLEST = 10  # cells of a section
+WIDE, STOREY = 1000, 3.0  # cells; metres: a wide roof stands so high, parcels and quays 2 m
 LOOKED_AT = 500  # cells from end to end of a section that may be a hall, and is told of
 WIDEST = 140  # cells from end to end: the halo of a tile holds it, and 100 m more
 LARGEST_CUT = 5000  # cells of a section that the end of the data cuts: more may be a terrace
@@ -28,13 +29,13 @@ Mask = NDArray[np.bool_]
 Sides = NDArray[np.int32]
 
 
-def raised_sections(z: Cells, slope: float, lattice: Lattice) -> Mask:
-    """True for cells of sections that are bounded by steps down.
+def raised_sections(z: Cells, slope: float) -> tuple[Mask, Mask]:
+    """Cells of sections that are bounded by steps down, and of those that are too wide for that.
 
     Nearly all of the border of a roof that is seen is a step down; of terraces some of it leads on
     or up. What leads to edges of the data on opposite sides, as a quay or a causeway does, is no
     roof. A part of a roof below another, which is raised, ends beyond that. Those that are too wide
-    for a tile, and wide ones that the end of the data cuts, are no roofs either, which is told.
+    for a tile, and wide ones that the end of the data cuts, may be roofs or not.
 
     Sections are looked for twice: with cells of about one height, which hedges and cars do not join
     to the ground, and with all between which there is no step, as roofs of several heights.
@@ -43,30 +44,29 @@ def raised_sections(z: Cells, slope: float, lattice: Lattice) -> Mask:
     ----------
     z : array of shape (rows, cols), heights of cells of a metre, in metres, NaN without data
     slope : height per distance up to which cells are no step
-    lattice : of the cells
 
     Returns
     -------
-    array of shape (rows, cols)
+    arrays of shape (rows, cols)
 
     Examples
     --------
     >>> z = np.zeros((40, 40), np.float32)
     >>> z[10:30, 10:30] = 5.0
-    >>> int(raised_sections(z, 0.8, Lattice(0.0, 40.0, 1.0, 40, 40)).sum())
-    400
+    >>> raised, wide = raised_sections(z, 0.8)
+    >>> int(raised.sum()), bool(wide.any())
+    (400, False)
     """
-    raised, told = np.zeros(z.shape, bool), np.zeros(z.shape, bool)
+    raised, wide = np.zeros(z.shape, bool), np.zeros(z.shape, bool)
     for rise in (LEVEL, slope + DROP):
-        found, unsure = _bounded_by_steps(z, rise, slope)
+        found, too_wide = _bounded_by_steps(z, rise, slope)
         raised |= found
-        told |= unsure
-    _tell_of(told & ~raised, lattice)
-    return raised
+        wide |= too_wide
+    return raised, wide & ~raised
 
 
 def _bounded_by_steps(z: Cells, rise: float, slope: float) -> tuple[Mask, Mask]:
-    """Cells of raised sections, and of those that are so wide that they are not called raised.
+    """Cells of sections that are raised, and of those that are too wide to be called so.
 
     A section is cells beside each other whose heights differ by at most `rise`.
     """
@@ -82,18 +82,20 @@ def _bounded_by_steps(z: Cells, rise: float, slope: float) -> tuple[Mask, Mask]:
     extent = (box[:, 2:] - box[:, :2]).max(axis=1, initial=0) + 1
     number[first[extent > LOOKED_AT]] = -1
     raised, sides = np.zeros(z.size, bool), np.empty((len(first), 8), np.int32)
+    depth = np.empty(len(first))
     found = np.ones(1, bool)
     while found.any():
-        kernels.borders(z, parent, number, raised, slope, DROP, sides)
+        kernels.borders(z, parent, number, raised, slope, DROP, sides, depth)
         cut = (sides[:, 4:].sum(axis=1) > GAPS) & (size[first] > LARGEST_CUT)
-        bounded = falls_off(sides)
+        low = (size[first] > WIDE) & (depth < STOREY * sides[:, 2])
+        bounded = falls_off(sides) & ~low
         found = bounded & (extent <= WIDEST) & ~cut
         raised[first[found]] = True
         number[first[found]] = -1
-    unsure = np.zeros(z.size, bool)
-    unsure[first[bounded]] = True
+    wide = np.zeros(z.size, bool)
+    wide[first[bounded]] = True  # in the last round none of these is raised
     owner, there = parent.reshape(z.shape), there.reshape(z.shape)
-    return there & raised[owner], there & unsure[owner]
+    return there & raised[owner], there & wide[owner]
 
 
 def falls_off(sides: Sides) -> Mask:
@@ -121,13 +123,25 @@ def falls_off(sides: Sides) -> Mask:
     )
 
 
-def _tell_of(cells: Mask, lattice: Lattice) -> None:
-    """Warn of sections that end in steps down, but are taken for ground."""
+def tell_of_wide(cells: Mask, lattice: Lattice) -> None:
+    """Warn of ground in sections that end in steps down, and are too wide to be called raised.
+
+    Parameters
+    ----------
+    cells : array of shape (rows, cols), true where such ground is
+    lattice : of the cells
+
+    Examples
+    --------
+    >>> tell_of_wide(np.zeros((40, 40), bool), Lattice(0.0, 40.0, 1.0, 40, 40))
+    """
     if not cells.any():
         return
-    number, count = label(maximum_filter(cells, 3))  # cells without data part no place
-    size = np.bincount(number[cells])[1:]
-    row, col = np.argwhere(number == size.argmax() + 1).mean(axis=0)
+    places = binary_closing(np.pad(cells, 2), np.ones((5, 5), bool))[2:-2, 2:-2]  # over empty cells
+    number, count = label(places)
+    size = np.bincount(number[places])[1:]
+    spots = np.argwhere(number == size.argmax() + 1)
+    row, col = spots[np.hypot(*(spots - spots.mean(axis=0)).T).argmin()]
     log.warning(
         "places that end in steps down on all sides that are seen, but are wider than %d m or cut "
         "by the end of the data, are taken for ground: %d, the largest of about %d m2 at %.0f, "

@@ -104,6 +104,7 @@ class Terrain:
         metres on level ground, and metres more per slope; the most where all points are ground
     lowest : array of shape (rows, cols), height of the lowest point of each cell, in metres
     ground : array of the same shape, where that is a point of the ground
+    wide : array of the same shape, ground that may be wide roofs: it ends in steps down
     lattice : cells of a metre, in the unit of the coordinates
     metre : length of one metre in that unit
 
@@ -120,6 +121,7 @@ class Terrain:
     tolerance: Floats
     lowest: Cells
     ground: NDArray[np.bool_]
+    wide: NDArray[np.bool_]
     lattice: Lattice
     metre: float
 
@@ -168,8 +170,8 @@ def find_terrain(
     use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0.0, 0.1))
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
-    candidates, heights = _through_ground(
-        z, lattice, ctx.part(0.15, 0.9), known=known, mistakes=mistakes
+    candidates, wide, heights = _through_ground(
+        z, ctx.part(0.15, 0.9), known=known, mistakes=mistakes
     )
     share = share_with_points(z)
     ground = near_surface(z, candidates, heights)
@@ -180,24 +182,23 @@ def find_terrain(
     heights[distance_transform_edt(~candidates) > FAR] = np.nan
     widest = np.empty((2, *share.shape))
     widest[0], widest[1] = TOLERANCE, SLOPE_TOLERANCE
-    terrain = Terrain(heights, bend, widest, z, ground, lattice, metre)
+    terrain = Terrain(heights, bend, widest, z, ground, wide, lattice, metre)
     if not known:
         learned = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
         terrain = replace(terrain, tolerance=learned)
-    for array in (heights, bend, terrain.tolerance, z, ground):
+    for array in (heights, bend, terrain.tolerance, z, ground, wide):
         array.flags.writeable = False
     return terrain
 
 
 def _through_ground(
-    z: Cells, lattice: Lattice, ctx: Context, *, known: bool, mistakes: bool
-) -> tuple[NDArray[np.bool_], Floats]:
-    """The cells whose lowest point may be ground, and the robust surface through these.
+    z: Cells, ctx: Context, *, known: bool, mistakes: bool
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Floats]:
+    """The cells whose lowest point may be ground, wide places among them, and a robust surface.
 
     Parameters
     ----------
     z : lowest height of each cell, NaN where there is none
-    lattice : of the cells, by which wide roofs are told of
     known, mistakes : see :func:`find_terrain`
     """
     has = doubted = np.isfinite(z)
@@ -205,12 +206,12 @@ def _through_ground(
     if known:
         heights = robust_surface(z, has, FINE, STIFF, ctx.part(0.0, 0.25), rounds=rounds)
         if not mistakes or not (doubted := among_mistaken(z, heights)).any():
-            return has, heights
+            return has, ~has, heights
     ground = ground_cells(z, ctx.part(0.25 if known else 0.0, 0.75))
-    ground &= ~raised_sections(z, STEP_SLOPE, lattice)
-    candidates = has & (ground | ~doubted)
+    raised, wide = raised_sections(z, STEP_SLOPE)
+    candidates = has & (ground & ~raised | ~doubted)
     surface = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.75, 1.0), rounds=rounds)
-    return candidates, surface
+    return candidates, candidates & wide, surface
 
 
 def among_mistaken(z: Cells, surface: Floats) -> NDArray[np.bool_]:

@@ -62,21 +62,21 @@ def boxes(parent, cols, number, box):
 
 
 @kernel
-def borders(z, parent, number, raised, slope, least, sides):
+def borders(z, parent, number, raised, slope, least, sides, depth):
     """Count the sides of cells at the border of sections, by what lies beyond them.
 
     `sides`, of shape (sections, 8), are all of them; those with data beside them; those of these
     with a step down, of at least `least` beyond what `slope` explains; those below a section that
     is raised, by no more than the mean of these steps; and those at the end of the data, to the
-    south, north, east and west. Beyond a gap within a section there is no border.
+    south, north, east and west. Beyond a gap within a section there is no border. `depth`, of shape
+    (sections,), is the sum of the steps down.
 
     `number` is that of a section by its first cell, -1 for those that are not asked for; `raised`
     is told by the first cell, too.
     """
     rows, cols = z.shape
     ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
-    sides[:] = 0
-    depth = np.zeros(len(sides))
+    sides[:], depth[:] = 0, 0
     for turn in range(1 + raised.any()):  # what the second counts goes by the steps of the first
         for r in range(rows):
             for c in range(cols):

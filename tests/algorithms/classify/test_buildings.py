@@ -563,7 +563,7 @@ def test_branches_over_a_roof_are_no_building_but_walls_are() -> None:
 def test_a_deck_between_two_banks_is_a_bridge(
     rise: float, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Also if its middle is higher than its ends: it falls by 1 in 10 at most, 1 in 15 mostly."""
+    """Also if its middle is 2.5 m higher than its ends."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform((0, 0), (80, 40), (25_600, 2)).T
     ground = 100 - np.clip(20 - abs(x - 40), 0, 8)  # a cutting
@@ -578,6 +578,23 @@ def test_a_deck_between_two_banks_is_a_bridge(
     assert "1 regions meet ground at both ends" in caplog.text
     raised = points.with_xyz(points.xyz + np.where(classes == 1, 3.0, 0.0)[:, None] * [0, 0, 1])
     assert len(ClassifyBuildings(points=raised).run().outlines) == 1
+
+
+@pytest.mark.parametrize("length", [30, 50, 80])
+def test_a_house_with_points_on_its_gables_is_no_bridge(length: float) -> None:
+    """Its eaves are lower than its middle, as the ends of an arched deck are."""
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform((-60, -20), (60, 20), (24_000, 2)).T
+    house = (abs(x) < length / 2) & (abs(y) < 6)
+    z = np.where(house, 103 + 2 * (1 - abs(y) / 6), 100)
+    across, side = rng.uniform(-6, 6, 2000), rng.choice([-1, 1], 2000)
+    wall = 100 + rng.random(2000) * (3 + 2 * (1 - abs(across) / 6))
+    xyz = np.column_stack([np.r_[x, side * (length / 2 + 0.1)], np.r_[y, across], np.r_[z, wall]])
+    classes = np.r_[np.where(house, 1, 2), np.ones(2000)].astype(np.uint8)
+    xyz[:, 2] += rng.normal(0, 0.02, len(xyz))
+    xyz += np.array([500_000, 4_600_000, 0])
+    points = PointCloud(xyz, {"classification": classes}, crs=UTM)
+    assert len(ClassifyBuildings(points=points).run().outlines) == 1
 
 
 @pytest.mark.parametrize("turn", [0.0, 45.0])

@@ -287,7 +287,7 @@ def flat(tilt: float = 0.0) -> Terrain:
     tolerance = np.stack([np.full((4, 6), 0.3), np.ones((4, 6))]).astype(np.float32)
     level, ground = np.zeros_like(heights), np.ones(heights.shape, bool)
     lattice = Lattice(1000, 2000, 1.0, 32, 48)
-    return Terrain(heights, level, tolerance, heights, ground, lattice, 1.0)
+    return Terrain(heights, level, tolerance, heights, ground, ~ground, lattice, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -938,10 +938,9 @@ def test_only_what_stands_out_of_known_ground_with_mistakes_is_taken_out() -> No
     z = np.full((208, 304), np.nan, np.float32)
     z[::3] = 0
     z[::30, 5::10] = 4
-    cells = Lattice(0.0, 208.0, 1.0, *z.shape)
-    known, _ = finding._through_ground(z, cells, QUIET, known=True, mistakes=False)
+    known, _, _ = finding._through_ground(z, QUIET, known=True, mistakes=False)
     assert (known == np.isfinite(z)).all()
-    found, surface = finding._through_ground(z, cells, QUIET, known=True, mistakes=True)
+    found, _, surface = finding._through_ground(z, QUIET, known=True, mistakes=True)
     assert (found == (z == 0)).all()
     assert np.nanmax(abs(surface)) < 0.01
 
@@ -992,6 +991,22 @@ def test_wide_halls_are_no_ground(roof: Callable[[Floats, Floats], Floats], dens
     ground = labels(np.column_stack([x + EAST, y + NORTH, z + 100]))
     assert ground[hall].mean() < 0.02
     assert ground[~hall].mean() > 0.99
+
+
+@pytest.mark.parametrize(("wide", "told"), [(20, False), (120, True)])
+def test_halls_that_are_too_long_are_told_if_they_are_ground(
+    wide: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """160 m long. A narrow one is known by other looks."""
+    rng = np.random.default_rng(5)
+    x, y = rng.uniform((-30, -30), (190, 150), (2 * 220 * 180, 2)).T
+    hall = (x > 0) & (x < 160) & (y > 0) & (y < wide)
+    points = cloud(np.column_stack([x + EAST, y + NORTH, np.where(hall, 107.0, 100.0)]))
+    ground = GroundClassify(points=points).run().classified["classification"] == 2
+    assert (ground[hall].mean() > 0.5) == told
+    assert ("end in steps down" in caplog.text) == told
+    if told:
+        assert 160 * wide == pytest.approx(float(caplog.text.split("about ")[1].split()[0]), 0.05)
 
 
 def test_a_tile_beside_a_hall_has_the_labels_of_the_whole() -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import logging
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from algorithms.shared.sections import LARGEST_CUT, WIDEST, raised_sections
+from algorithms.shared.sections import LARGEST_CUT, WIDEST, raised_sections, tell_of_wide
 from toolbox.data import Lattice
 
 Cells = NDArray[np.float32]
@@ -16,7 +14,7 @@ STEP = 0.8
 
 
 def raised(z: NDArray[np.float64] | Cells) -> NDArray[np.bool_]:
-    return raised_sections(z.astype(np.float32), STEP, Lattice(1000.0, 2000.0, 1.0, *z.shape))
+    return raised_sections(z.astype(np.float32), STEP)[0]
 
 
 def test_a_section_is_raised_if_its_border_steps_down() -> None:
@@ -85,23 +83,44 @@ def test_cells_without_points_are_no_border(empty: float) -> None:
     assert not found[~roof].any()
 
 
-def test_wider_ones_are_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_parcels_and_quays_are_lower_than_wide_halls() -> None:
+    """Parcels of 57 x 97 m between upright ditches of 2 m; a roof of 20 x 35 m may be as low."""
+    rows, cols = np.indices((203, 183))
+    parcels = np.where((rows % 100 < 3) | (cols % 60 < 3), -2.0, 0.0)
+    assert not raised(parcels).any()
+    assert raised(1.6 * parcels).any()
+    roof = np.where((abs(rows - 100) < 17) & (abs(cols - 90) < 10), 2.0, 0.0)
+    assert (raised(roof) == (roof > 0)).all()
+
+
+def test_wider_ones_are_no_roofs() -> None:
     z = np.zeros((WIDEST + 40, 120))
     z[20 : 20 + WIDEST, 20:100] = 5.0
     assert raised(z).sum() == WIDEST * 80
-    assert not caplog.records
     z[20 + WIDEST, 20:100] = 5.0
-    with caplog.at_level(logging.WARNING, "toolbox"):
-        assert not raised(z).any()
-    assert f"ground: 1, the largest of about {(WIDEST + 1) * 80} m2 at 1060, 1910." in caplog.text
+    found, wide = raised_sections(z.astype(np.float32), STEP)
+    assert not found.any()
+    assert (wide == (z > 0)).all()
 
 
-def test_large_ones_at_the_end_of_the_data_are_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_large_ones_at_the_end_of_the_data_are_no_roofs() -> None:
     z = np.zeros((120, 120))
     z[:50, :100] = 5.0
     assert raised(z).sum() == LARGEST_CUT
-    assert not caplog.records
     z[50, :100] = 5.0
-    with caplog.at_level(logging.WARNING, "toolbox"):
-        assert not raised(z).any()
-    assert "cut by the end of the data" in caplog.text
+    found, wide = raised_sections(z.astype(np.float32), STEP)
+    assert not found.any()
+    assert (wide == (z > 0)).all()
+
+
+def test_the_largest_wide_place_is_told_by_a_cell_of_it(caplog: pytest.LogCaptureFixture) -> None:
+    """A ring has its mean in its court. Cells without data part no place, and count."""
+    cells = np.zeros((100, 200), bool)
+    cells[10:40, 10:40], cells[15:35, 15:35] = True, False
+    cells[50:60, 10:30] = True
+    cells[::7] = False
+    tell_of_wide(cells, Lattice(1000.0, 2000.0, 1.0, *cells.shape))
+    area, rest = caplog.text.split("ground: 2, the largest of about ")[1].split(" m2 at ")
+    assert float(area) == pytest.approx(500, rel=0.1)
+    x, y = (float(word.strip(",.")) for word in rest.split(" ")[:2])
+    assert 10 <= x - 1000 <= 15 or 25 <= x - 1000 <= 40 or 10 <= 2000 - y <= 15

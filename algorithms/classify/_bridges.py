@@ -83,10 +83,10 @@ def levels(features: PointFeatures, some: NDArray[np.int64]) -> NDArray[np.float
 def levels_around(
     features: PointFeatures, some: NDArray[np.int64], deck: NDArray[np.int64]
 ) -> Floats:
-    """Median elevation of the points of a deck around each of some, in metres."""
+    """Median elevation of the points of a deck around each of some, in metres; inf without any."""
     tree, height = cKDTree(features.xyz[deck, :2]), levels(features, deck)
     near = tree.query_ball_point(features.xyz[some, :2], NEAR * features.cloud.metre)
-    return np.array([np.median(height[around]) for around in near])
+    return np.array([np.median(height[around]) if around else np.inf for around in near])
 
 
 def between_ends(deck: Any, xy: Floats, metre: float) -> bool:

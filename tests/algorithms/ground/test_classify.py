@@ -1007,6 +1007,10 @@ def test_halls_that_are_too_long_are_told_if_they_are_ground(
     assert ("end in steps down" in caplog.text) == told
     if told:
         assert 160 * wide == pytest.approx(float(caplog.text.split("about ")[1].split()[0]), 0.05)
+    caplog.clear()
+    halo = points.with_origin(np.where(hall, -1, 1) * (1 + np.arange(len(points))))
+    GroundClassify(points=halo).run()
+    assert not caplog.records, "the hall is that of another tile"
 
 
 def test_a_tile_beside_a_hall_has_the_labels_of_the_whole() -> None:

@@ -14,15 +14,18 @@ from algorithms.shared.kernels import sections as kernels
 from toolbox.context import log
 from toolbox.data import Lattice
 
-LEVEL = 0.3  # metres by which heights differ at most from cell to cell of a section
-DROP = 1.0  # metres of a step down, beyond the slope
-ALL_ROUND, MOST_ROUND = 0.7, 0.4  # share of the seen and of the whole border that are steps
-ACROSS, GAPS = 0.1, 2  # share of what lies at the end of the data, and cells, that may be opposite
-SMALLEST = 10  # cells of a section
+# Metres by which heights differ at most from cell to cell: roofs as steep as 1 in 3, and no hedge.
+LEVEL = 0.3
+DROP = 1.0  # metres of a step down, beyond the slope: more than plants, kerbs and low walls
+# Shares of the seen and of the whole border that are steps: trees and higher parts of a building
+# stand on some sides of a roof, and the end of the data hides two of four where it cuts a corner.
+ALL_ROUND, MOST_ROUND = 0.7, 0.4
+ACROSS, GAPS = 0.1, 2  # what may lie opposite at the end of the data: a share of that, and cells
+SMALLEST = 10  # cells of a section: what is smaller falls off for all other looks
 WIDE, STOREY = 1000, 3.0  # cells; metres: a wide roof stands so high, parcels and quays 2 m
-LOOKED_AT = 500  # cells from end to end of a section that may be a hall, and is told of
 WIDEST = 140  # cells from end to end: the halo of a tile holds it, and 100 m more
 LARGEST_CUT = 5000  # cells of a section that the end of the data cuts: more may be a terrace
+LOOKED_AT = 500  # cells from end to end of a section that is told of: longer ones are land
 
 Cells = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -70,11 +73,11 @@ def _bounded_by_steps(z: Cells, rise: float, slope: float) -> tuple[Mask, Mask]:
 
     A section is cells beside each other whose heights differ by at most `rise`.
     """
-    parent = np.empty(z.size, np.int32)
+    parent = np.empty(z.size, np.int32)  # of each cell the first one of its section
     kernels.sections(z, rise, parent)
     there = parent >= 0
     size = np.bincount(parent[there], minlength=z.size)
-    first = np.flatnonzero(size >= SMALLEST)
+    first = np.flatnonzero(size >= SMALLEST)  # of each section that is asked
     number = np.full(z.size, -1, np.int32)
     number[first] = np.arange(len(first))
     box = np.empty((len(first), 4), np.int32)

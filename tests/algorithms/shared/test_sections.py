@@ -50,10 +50,21 @@ def test_teeth_of_a_roof_are_raised_one_after_the_other() -> None:
 
 
 def test_a_hedge_beside_a_low_roof_does_not_join_it_to_the_ground() -> None:
+    """The roof rises by 1 in 4, and the hedge leads up to it by 0.8 m from cell to cell."""
     z = np.zeros((40, 40))
-    z[10:30, 10:30] = 2.5
-    z[30:32, 10:14] = 1.2
-    assert (raised(z) == (z == 2.5)).all()
+    z[10:30, 10:30] = 2.4 + 0.25 * np.arange(19, -1, -1)[:, None]
+    z[30, 10:13], z[31, 10:13] = 1.6, 0.8
+    assert (raised(z) == (z >= 2.4)).all()
+
+
+@pytest.mark.parametrize(("higher", "is_roof"), [(11, True), (13, False)])
+def test_a_roof_may_lean_on_higher_ground_along_three_tenths(higher: int, is_roof: bool) -> None:
+    """Of a border of 40 cells; 28 steps down of 40 are enough."""
+    z = np.zeros((40, 40))
+    z[15:25, 15:25] = 4.0
+    z[:15, 15:] = 9.0
+    z[15 : 15 + higher - 10, 25:] = 9.0
+    assert raised(z)[15:25, 15:25].all() == is_roof
 
 
 def test_terraces_in_a_corner_of_the_data_stay_ground() -> None:

@@ -35,8 +35,8 @@ def test_steps_that_look_far_run_in_passes_of_their_own() -> None:
     found = plan("models.terrain", *names).passes
     grids = ("top", "bottom", "heights", "brightness")
     assert [one.local for one in found] == [("clean",), ("ground",), grids]
-    # 80 m, 200 m and twice max_gap, not their sum; and half a cell to the highest point
-    assert [one.halo for one in found] == pytest.approx([80, 200, 50.5], abs=0.01)
+    # 80 m, 240 m and twice max_gap, not their sum; and half a cell to the highest point
+    assert [one.halo for one in found] == pytest.approx([80, 240, 50.5], abs=0.01)
     # No raster waits for another pass, where all of its cells would have to be in memory.
     assert not any(name.endswith(".surface") for one in found[:2] for name in one.keep)
 
@@ -171,9 +171,9 @@ def test_tiles_are_as_large_as_each_pass_allows() -> None:
     """The ground looks farthest, the rasters need most: both at once would be a smaller tile."""
     found = plan("models.terrain", "dtm", "dsm")
     kilometre = 1e6 * (200 * 8 + 100)  # bytes for the ground of eight points per m2
-    assert found.side(8.0, kilometre) == pytest.approx(1000 - 2 * 200, abs=0.01)
+    assert found.side(8.0, kilometre) == pytest.approx(1000 - 2 * 240, abs=0.01)
     town = plan("models.urban_classes", "classified")  # most of its steps declare nothing
-    assert town.side(8.0, kilometre) < 600
+    assert town.side(8.0, kilometre) < 520
     assert catalog.load("models.urban_classes").memory == Memory() == Memory(400.0, 200.0)
     assert found.side(0.1, kilometre) < found.side(0.01, kilometre) < 10_000  # by cells, not points
 

@@ -52,9 +52,9 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     )
     for number in np.unique(beside):
         deck, ends = features.within(shapes[number], roof), low[point[beside == number]]
-        ends = ends[levels(features, ends) >= levels_around(features, ends, deck) - LEVEL]
-        if np.median(height[deck]) < OVER_GROUND or not len(ends):
+        if np.median(height[deck]) < OVER_GROUND:
             continue
+        ends = ends[levels(features, ends) >= levels_around(features, ends, deck) - LEVEL]
         found[number] = between_ends(shapes[number], features.xyz[ends, :2], metre)
     if found.any():
         log.info("%d regions meet ground at both ends: bridges", np.count_nonzero(found))

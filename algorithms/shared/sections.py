@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_closing, label
+from scipy.ndimage import binary_closing, find_objects, label
 
 from algorithms.shared.kernels import sections as kernels
 from toolbox.context import log
@@ -80,9 +80,8 @@ def _bounded_by_steps(z: Cells, rise: float, slope: float) -> tuple[Mask, Mask]:
     first = np.flatnonzero(size >= SMALLEST)  # of each section that is asked
     number = np.full(z.size, -1, np.int32)
     number[first] = np.arange(len(first))
-    box = np.empty((len(first), 4), np.int32)
-    kernels.boxes(parent, z.shape[1], number, box)
-    extent = (box[:, 2:] - box[:, :2]).max(axis=1, initial=0) + 1
+    places = find_objects(np.where(there, number[parent] + 1, 0).reshape(z.shape))
+    extent = np.array([max(r.stop - r.start, c.stop - c.start) for r, c in places])
     number[first[extent > LOOKED_AT]] = -1
     raised, sides = np.zeros(z.size, bool), np.empty((len(first), 8), np.int32)
     depth = np.empty(len(first))

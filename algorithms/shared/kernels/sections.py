@@ -46,22 +46,6 @@ def sections(z, rise, parent):
 
 
 @kernel
-def boxes(parent, cols, number, box):
-    """Set `box`, of shape (sections, 4), to the first row and column and the last of each section.
-
-    `number` is that of a section by its first cell, -1 for those that are not asked for.
-    """
-    box[:, :2], box[:, 2:] = len(parent), -1
-    for cell in range(len(parent)):
-        if parent[cell] < 0 or number[parent[cell]] < 0:
-            continue
-        here = box[number[parent[cell]]]
-        r, c = cell // cols, cell % cols
-        here[0], here[1] = min(here[0], r), min(here[1], c)
-        here[2], here[3] = max(here[2], r), max(here[3], c)
-
-
-@kernel
 def borders(z, parent, number, raised, slope, least, sides, depth):
     """Count the sides of cells at the border of sections, by what lies beyond them.
 

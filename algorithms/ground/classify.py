@@ -13,8 +13,8 @@ from algorithms.shared.ground import NOWHERE, Candidates, Mask, Returns
 from algorithms.shared.heights import HEIGHT
 from algorithms.shared.lowest import cells_of
 from algorithms.shared.plausible import tell_of_ground
-from algorithms.shared.sections import tell_of_wide
-from algorithms.shared.terrain import HALO, Terrain, find_terrain, height_above, verdict
+from algorithms.shared.sections import LOOKED_AT, WIDEST, tell_of_wide
+from algorithms.shared.terrain import BEYOND, Terrain, find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -42,9 +42,11 @@ Singles = NDArray[np.float32]
 class GroundClassify:
     """Classify ground without having to know the scene: the filter to try first.
 
-    Ground becomes class 2, all else class 1. There is nothing to set: the filter takes sparse and
-    dense data, cities, forests, slopes and quarries alike. The attribute `confidence` says from 0
-    to 1 how far a point is from the other verdict, so that the doubtful ones can be looked at.
+    Ground becomes class 2, all else class 1. Nothing has to be set: the filter takes sparse and
+    dense data, cities, forests, slopes and quarries alike. Only halls longer than 140 m need
+    `max_building_size`; a warning says where there may be some. The attribute `confidence` says
+    from 0 to 1 how far a point is from the other verdict, so that the doubtful ones can be looked
+    at.
 
     Points of water, rail and road (9 to 11) count like all others and keep their class; wires,
     towers, bridges and other structures (13 to 17, 19) keep theirs and take no part. Without
@@ -57,6 +59,14 @@ class GroundClassify:
     returns: Returns = parameters.ground_returns()
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
+    max_building_size: float = param(
+        "Longest side of the largest hall along the axes; tiles look 100 m farther",
+        default=float(WIDEST),
+        unit="m",
+        ge=WIDEST,
+        le=LOOKED_AT,
+        label="Widest building",
+    )
     heights: bool = param(
         "Also give the attribute HeightAboveGround, measured from the terrain",
         default=False,
@@ -83,7 +93,7 @@ class GroundClassify:
 
     def halo(self) -> float:
         """Distance beyond which the terrain does not change labels; measured, see the page."""
-        return HALO
+        return self.max_building_size + BEYOND
 
     def run(self, ctx: Context = QUIET) -> GroundClassify.Outputs:
         """Find the terrain, and compare the points with it."""
@@ -92,10 +102,16 @@ class GroundClassify:
         if not candidates.chosen.any():
             none = self._classified(candidates, NOWHERE, np.zeros(0, np.float32), None)
             raise candidates.nothing_to_do(none, surface=None)
-        terrain = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx.part(0, 0.95))
+        terrain = find_terrain(
+            candidates.xyz,
+            widest=self.max_building_size,
+            metre=cloud.metre,
+            ctx=ctx.part(0, 0.95),
+        )
         ground, clear = verdict(candidates.xyz, terrain)
         tell_of_ground(candidates.xyz, ground, cloud.metre)
-        _tell_of_wide(candidates.xyz[ground & cloud.core[candidates.chosen]], terrain)
+        inner = candidates.xyz[ground & cloud.core[candidates.chosen]]
+        _tell_of_wide(inner, terrain, self.max_building_size)
         classified = self._classified(candidates, ground, clear, terrain)
         ctx.progress(1.0)
         return self.Outputs(
@@ -132,9 +148,9 @@ class GroundClassify:
         return labelled.with_attributes(made, descriptions=told)
 
 
-def _tell_of_wide(ground: NDArray[np.float64], terrain: Terrain) -> None:
+def _tell_of_wide(ground: NDArray[np.float64], terrain: Terrain, widest: float) -> None:
     """Warn of ground, of shape (n, 3), in places that may be wide roofs."""
     if terrain.wide.any():
         there = np.zeros(terrain.wide.size, bool)
         there[cells_of(ground, terrain.lattice)] = True
-        tell_of_wide(terrain.wide & there.reshape(terrain.wide.shape), terrain.lattice)
+        tell_of_wide(terrain.wide & there.reshape(terrain.wide.shape), terrain.lattice, widest)

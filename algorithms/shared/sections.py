@@ -23,8 +23,8 @@ ALL_ROUND, MOST_ROUND = 0.7, 0.4
 ACROSS, GAPS = 0.1, 2  # what may lie opposite at the end of the data: a share of that, and cells
 SMALLEST = 10  # cells of a section: what is smaller falls off for all other looks
 WIDE, STOREY = 1000, 3.0  # cells; metres: a wide roof stands so high, parcels and quays 2 m
-WIDEST = 140  # cells from end to end: the halo of a tile holds it, and 100 m more
-LARGEST_CUT = 5000  # cells of a section that the end of the data cuts: more may be a terrace
+WIDEST = 140  # cells from end to end, if nothing else is said: the surroundings of a tile hold it
+CUT = 0.25  # share of the widest square that the end of the data cuts: more may be a terrace
 LOOKED_AT = 500  # cells from end to end of a section that is told of: longer ones are land
 
 Cells = NDArray[np.float32]
@@ -32,13 +32,13 @@ Mask = NDArray[np.bool_]
 Sides = NDArray[np.int32]
 
 
-def raised_sections(z: Cells, slope: float) -> tuple[Mask, Mask]:
+def raised_sections(z: Cells, slope: float, widest: float = WIDEST) -> tuple[Mask, Mask]:
     """Cells of sections that are bounded by steps down, and of those that are too wide for that.
 
     Nearly all of the border of a roof that is seen is a step down; of terraces some of it leads on
     or up. What leads to edges of the data on opposite sides, as a quay or a causeway does, is no
-    roof. A part of a roof below another, which is raised, ends beyond that. Those that are too wide
-    for a tile, and wide ones that the end of the data cuts, may be roofs or not.
+    roof. A part of a roof below another, which is raised, ends beyond that. Those that are wider
+    than buildings, and wide ones that the end of the data cuts, may be roofs or not.
 
     Sections are looked for twice: with cells of about one height, which hedges and cars do not join
     to the ground, and with all between which there is no step, as roofs of several heights.
@@ -47,6 +47,7 @@ def raised_sections(z: Cells, slope: float) -> tuple[Mask, Mask]:
     ----------
     z : array of shape (rows, cols), heights of cells of a metre, in metres, NaN without data
     slope : height per distance up to which cells are no step
+    widest : cells from end to end of a roof, along rows or columns
 
     Returns
     -------
@@ -62,13 +63,13 @@ def raised_sections(z: Cells, slope: float) -> tuple[Mask, Mask]:
     """
     raised, wide = np.zeros(z.shape, bool), np.zeros(z.shape, bool)
     for rise in (LEVEL, slope + DROP):
-        found, too_wide = _bounded_by_steps(z, rise, slope)
+        found, too_wide = _bounded_by_steps(z, rise, slope, widest)
         raised |= found
         wide |= too_wide
     return raised, wide & ~raised
 
 
-def _bounded_by_steps(z: Cells, rise: float, slope: float) -> tuple[Mask, Mask]:
+def _bounded_by_steps(z: Cells, rise: float, slope: float, widest: float) -> tuple[Mask, Mask]:
     """Cells of sections that are raised, and of those that are too wide to be called so.
 
     A section is cells beside each other whose heights differ by at most `rise`.
@@ -84,20 +85,18 @@ def _bounded_by_steps(z: Cells, rise: float, slope: float) -> tuple[Mask, Mask]:
     extent = np.array([max(r.stop - r.start, c.stop - c.start) for r, c in places])
     number[first[extent > LOOKED_AT]] = -1
     raised, sides = np.zeros(z.size, bool), np.empty((len(first), 8), np.int32)
-    depth = np.empty(len(first))
-    found = np.ones(1, bool)
-    while found.any():
-        kernels.borders(z, parent, number, raised, slope, DROP, sides, depth)
-        cut = (sides[:, 4:].sum(axis=1) > GAPS) & (size[first] > LARGEST_CUT)
-        low = (size[first] > WIDE) & (depth < STOREY * sides[:, 2])
-        bounded = falls_off(sides) & ~low
-        found = bounded & (extent <= WIDEST) & ~cut
-        raised[first[found]] = True
-        number[first[found]] = -1
-    wide = np.zeros(z.size, bool)
-    wide[first[bounded]] = True  # in the last round none of these is raised
+    depth, sure = np.empty(len(first)), raised
+    for wide in (False, True):  # and then what would follow from those that are too wide
+        found, sure = np.ones(1, bool), raised.copy()
+        while found.any():
+            kernels.borders(z, parent, number, raised, slope, DROP, sides, depth)
+            cut = (sides[:, 4:].sum(axis=1) > GAPS) & (size[first] > CUT * widest**2)
+            low = (size[first] > WIDE) & (depth < STOREY * sides[:, 2])
+            found = falls_off(sides) & ~low & (wide | (extent <= widest) & ~cut)
+            raised[first[found]] = True
+            number[first[found]] = -1
     owner, there = parent.reshape(z.shape), there.reshape(z.shape)
-    return there & raised[owner], there & wide[owner]
+    return there & sure[owner], there & (raised & ~sure)[owner]
 
 
 def falls_off(sides: Sides) -> Mask:
@@ -125,13 +124,14 @@ def falls_off(sides: Sides) -> Mask:
     )
 
 
-def tell_of_wide(cells: Mask, lattice: Lattice) -> None:
+def tell_of_wide(cells: Mask, lattice: Lattice, widest: float = WIDEST) -> None:
     """Warn of ground in sections that end in steps down, and are too wide to be called raised.
 
     Parameters
     ----------
     cells : array of shape (rows, cols), true where such ground is
     lattice : of the cells
+    widest : metres from end to end of what was looked for
 
     Examples
     --------
@@ -141,16 +141,19 @@ def tell_of_wide(cells: Mask, lattice: Lattice) -> None:
         return
     places = binary_closing(np.pad(cells, 2), np.ones((5, 5), bool))[2:-2, 2:-2]  # over empty cells
     number, count = label(places)
+    longest = max(max(r.stop - r.start, c.stop - c.start) for r, c in find_objects(number))
     size = np.bincount(number[places])[1:]
     spots = np.argwhere(number == size.argmax() + 1)
     row, col = spots[np.hypot(*(spots - spots.mean(axis=0)).T).argmin()]
     log.warning(
         "places that end in steps down on all sides that are seen, but are wider than %d m or cut "
         "by the end of the data, are taken for ground: %d, the largest of about %d m2 at %.0f, "
-        "%.0f. They are halls or terraces; give points of halls a class that takes no part",
-        WIDEST,
+        "%.0f, the longest of %d m. They are halls or terraces; with max_building_size of "
+        "ground.classify as long as a hall its roof is no ground",
+        widest,
         count,
         size.max(),
         lattice.west + (col + 0.5) * lattice.cell,
         lattice.north - (row + 0.5) * lattice.cell,
+        longest,
     )

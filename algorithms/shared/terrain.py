@@ -82,7 +82,7 @@ ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be groun
 MISTAKEN, OUT_OF_LINE = 0.003, 1.0
 SCATTERED = 5, 0.5  # cells, side of the window around one; share of them
 TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times
-HALO = WIDEST + 100.0  # metres; 100 m beyond a hall that the edge of a tile parts, labels are right
+BEYOND = 100.0  # metres; so far from a hall that the edge of a tile parts, labels are right
 KNOWN_HALO = 200.0  # metres, of ground that is known
 BYTES_PER_CELL = 115  # at most at one time; sections of cells and their borders take most
 FAR = 50.0  # metres from any ground, where the surface ends
@@ -131,6 +131,7 @@ def find_terrain(
     *,
     known: bool = False,
     mistakes: bool = False,
+    widest: float = WIDEST,
     metre: float = 1.0,
     ctx: Context = QUIET,
 ) -> Terrain:
@@ -142,6 +143,7 @@ def find_terrain(
     known : whether all of them are ground, so that none stands out, which takes a fifth of the time
     mistakes : whether some of known ground may be none, as where classes are wrong; where many
         stand out, it is looked for as if it were not known
+    widest : metres from end to end of the widest building
     metre : length of one metre in the unit of the points
     ctx : progress and cancellation
 
@@ -171,7 +173,7 @@ def find_terrain(
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
     candidates, wide, heights = _through_ground(
-        z, ctx.part(0.15, 0.9), known=known, mistakes=mistakes
+        z, ctx.part(0.15, 0.9), known=known, mistakes=mistakes, widest=widest
     )
     share = share_with_points(z)
     ground = near_surface(z, candidates, heights)
@@ -180,9 +182,9 @@ def find_terrain(
     add_planes(bend, z - heights, ground.astype(np.float32), BENDING, STIFF, ctx.part(0.95, 1.0))
     heights += bend
     heights[distance_transform_edt(~candidates) > FAR] = np.nan
-    widest = np.empty((2, *share.shape))
-    widest[0], widest[1] = TOLERANCE, SLOPE_TOLERANCE
-    terrain = Terrain(heights, bend, widest, z, ground, wide, lattice, metre)
+    tolerance = np.empty((2, *share.shape))
+    tolerance[0], tolerance[1] = TOLERANCE, SLOPE_TOLERANCE
+    terrain = Terrain(heights, bend, tolerance, z, ground, wide, lattice, metre)
     if not known:
         learned = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
         terrain = replace(terrain, tolerance=learned)
@@ -192,14 +194,14 @@ def find_terrain(
 
 
 def _through_ground(
-    z: Cells, ctx: Context, *, known: bool, mistakes: bool
+    z: Cells, ctx: Context, *, known: bool, mistakes: bool, widest: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Floats]:
     """The cells whose lowest point may be ground, wide places among them, and a robust surface.
 
     Parameters
     ----------
     z : lowest height of each cell, NaN where there is none
-    known, mistakes : see :func:`find_terrain`
+    known, mistakes, widest : see :func:`find_terrain`
     """
     has = doubted = np.isfinite(z)
     rounds = ROUNDS_KNOWN if known and not mistakes else ROUNDS
@@ -208,7 +210,7 @@ def _through_ground(
         if not mistakes or not (doubted := among_mistaken(z, heights)).any():
             return has, ~has, heights
     ground = ground_cells(z, ctx.part(0.25 if known else 0.0, 0.75))
-    raised, wide = raised_sections(z, STEP_SLOPE)
+    raised, wide = raised_sections(z, STEP_SLOPE, widest)
     candidates = has & (ground & ~raised | ~doubted)
     surface = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.75, 1.0), rounds=rounds)
     return candidates, candidates & wide, surface

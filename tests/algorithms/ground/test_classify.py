@@ -875,7 +875,7 @@ def test_a_dense_town_is_classified_as_its_producer_did(data: Callable[[str], Pa
 @pytest.mark.slow
 def test_tiles_with_their_halo_have_the_labels_of_the_whole(data: Callable[[str], Path]) -> None:
     """Wide data cut in two in both ways; a halo of 64 m is noticed."""
-    differ = dict.fromkeys((64.0, finding.KNOWN_HALO, finding.HALO), 0)
+    differ = dict.fromkeys((64.0, finding.KNOWN_HALO, 140 + finding.BEYOND), 0)
     worst = 0.0
     for sample, axes in ((53, (0, 1)), (61, (0, 1)), (51, (1,))):
         xyz, _ = isprs(data(f"isprs_samples/samp{sample}.txt.gz"))
@@ -938,9 +938,9 @@ def test_only_what_stands_out_of_known_ground_with_mistakes_is_taken_out() -> No
     z = np.full((208, 304), np.nan, np.float32)
     z[::3] = 0
     z[::30, 5::10] = 4
-    known, _, _ = finding._through_ground(z, QUIET, known=True, mistakes=False)
+    known, _, _ = finding._through_ground(z, QUIET, known=True, mistakes=False, widest=0)
     assert (known == np.isfinite(z)).all()
-    found, _, surface = finding._through_ground(z, QUIET, known=True, mistakes=True)
+    found, _, surface = finding._through_ground(z, QUIET, known=True, mistakes=True, widest=0)
     assert (found == (z == 0)).all()
     assert np.nanmax(abs(surface)) < 0.01
 
@@ -1007,7 +1007,11 @@ def test_halls_that_are_too_long_are_told_if_they_are_ground(
     assert ("end in steps down" in caplog.text) == told
     if told:
         assert 160 * wide == pytest.approx(float(caplog.text.split("about ")[1].split()[0]), 0.05)
+        assert "longest of 160 m" in caplog.text
     caplog.clear()
+    longer = GroundClassify(points=points, max_building_size=160).run()
+    assert not (longer.classified["classification"] == 2)[hall].any()
+    assert not caplog.records
     halo = points.with_origin(np.where(hall, -1, 1) * (1 + np.arange(len(points))))
     GroundClassify(points=halo).run()
     assert not caplog.records, "the hall is that of another tile"
@@ -1022,10 +1026,16 @@ def test_a_tile_beside_a_hall_has_the_labels_of_the_whole() -> None:
     plant = (np.sin(x / 4) + np.sin(y / 5) > 1.4) & (x < 300)
     z[plant] += rng.uniform(0.3, 8, plant.sum())
     xyz = np.column_stack([x + EAST, y + NORTH, z])
-    whole, near = labels(xyz), x < 200 + finding.HALO
+    whole, near = labels(xyz), x < 200 + 140 + finding.BEYOND
     tile = labels(xyz[near])
     assert tile[z[near] == 112].mean() > 0.9
     assert (tile == whole[near])[x[near] < 200].all()
+
+
+def test_tiles_look_farther_where_buildings_are_wider() -> None:
+    points = cloud(plane(side=10.0))
+    assert GroundClassify(points=points).halo() == 240
+    assert GroundClassify(points=points, max_building_size=300).halo() == 400
 
 
 def test_quays_and_terraces_from_edge_to_edge_stay_ground() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from algorithms.shared.sections import LARGEST_CUT, WIDEST, raised_sections, tell_of_wide
+from algorithms.shared.sections import CUT, WIDEST, raised_sections, tell_of_wide
 from toolbox.data import Lattice
 
 Cells = NDArray[np.float32]
@@ -104,21 +104,33 @@ def test_parcels_and_quays_are_lower_than_wide_halls() -> None:
     assert (raised(roof) == (roof > 0)).all()
 
 
-def test_wider_ones_are_no_roofs() -> None:
-    z = np.zeros((WIDEST + 40, 120))
-    z[20 : 20 + WIDEST, 20:100] = 5.0
-    assert raised(z).sum() == WIDEST * 80
-    z[20 + WIDEST, 20:100] = 5.0
-    found, wide = raised_sections(z.astype(np.float32), STEP)
+@pytest.mark.parametrize("widest", [WIDEST, 200])
+def test_wider_ones_are_no_roofs(widest: int) -> None:
+    z = np.zeros((240, 120))
+    z[20 : 20 + widest, 20:100] = 5.0
+    assert raised_sections(z.astype(np.float32), STEP, widest)[0].sum() == widest * 80
+    z[20 + widest, 20:100] = 5.0
+    found, wide = raised_sections(z.astype(np.float32), STEP, widest)
     assert not found.any()
     assert (wide == (z > 0)).all()
 
 
-def test_large_ones_at_the_end_of_the_data_are_no_roofs() -> None:
-    z = np.zeros((120, 120))
-    z[:50, :100] = 5.0
-    assert raised(z).sum() == LARGEST_CUT
-    z[50, :100] = 5.0
+@pytest.mark.parametrize("widest", [WIDEST, 180])
+def test_large_ones_at_the_end_of_the_data_are_no_roofs(widest: int) -> None:
+    z = np.zeros((140, 120))
+    rows = round(CUT * widest**2 / 100)
+    z[:rows, :100] = 5.0
+    assert raised_sections(z.astype(np.float32), STEP, widest)[0].sum() == CUT * widest**2
+    z[rows, :100] = 5.0
+    found, wide = raised_sections(z.astype(np.float32), STEP, widest)
+    assert not found.any()
+    assert (wide == (z > 0)).all()
+
+
+def test_of_teeth_that_are_too_wide_all_are_told() -> None:
+    """Only the first one falls off on both sides."""
+    z = np.zeros((WIDEST + 60, 80))
+    z[20 : WIDEST + 40, 10:70] = 5.0 + 0.25 * (np.arange(60) % 12)
     found, wide = raised_sections(z.astype(np.float32), STEP)
     assert not found.any()
     assert (wide == (z > 0)).all()
@@ -133,5 +145,6 @@ def test_the_largest_wide_place_is_told_by_a_cell_of_it(caplog: pytest.LogCaptur
     tell_of_wide(cells, Lattice(1000.0, 2000.0, 1.0, *cells.shape))
     area, rest = caplog.text.split("ground: 2, the largest of about ")[1].split(" m2 at ")
     assert float(area) == pytest.approx(500, rel=0.1)
-    x, y = (float(word.strip(",.")) for word in rest.split(" ")[:2])
+    assert "the longest of 30 m" in rest
+    x, y = (float(word.strip(",")) for word in rest.split(" ")[:2])
     assert 10 <= x - 1000 <= 15 or 25 <= x - 1000 <= 40 or 10 <= 2000 - y <= 15

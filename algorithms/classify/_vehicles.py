@@ -221,19 +221,24 @@ def in_rows(shapes: Shapes, seen: Floats, features: PointFeatures, spacing: floa
         sides = box[[1, 3]] - box[0]
         off = np.linspace(-1, 1, TURNS) * 2 * spacing / np.hypot(*sides.T).max()
         ways = [np.arctan2(y, x) + turn for x, y in sides for turn in off]
-        across = (xy @ (np.cos(way), np.sin(way)) for way in ways)
-        widest = min(_widest(place, ground, spacing / 2) for place in across)
+        turned = (xy @ [[np.cos(way), -np.sin(way)], [np.sin(way), np.cos(way)]] for way in ways)
+        widest = min(_widest(place, ground, spacing / 2) for place in turned)
         found[k] = widest <= WIDEST * features.cloud.metre
     return found
 
 
-def _widest(across: Floats, ground: Mask, strip: float) -> float:
-    """Width of the widest run of strips in which most points are not ground."""
+def _widest(xy: Floats, ground: Mask, strip: float) -> float:
+    """Width of the widest run of strips along y in which most points of a half are not ground.
+
+    A few points of ground below an eave part nothing.
+    """
+    across, along = xy.T
     number = np.floor(across / strip).astype(np.int64)
     number -= number.min()
-    count = np.bincount(number)
-    lines = np.flatnonzero(2 * np.bincount(number, ground) > count)
-    return float(np.diff(np.concatenate([[-1], lines, [len(count)]])).max() - 1) * strip
+    half = along > (along.min() + along.max()) / 2
+    more = np.bincount(2 * number + half, 2.0 * ground - 1, 2 * number.max() + 2).reshape(-1, 2)
+    lines = np.flatnonzero((more > 0).all(axis=1))
+    return float(np.diff(np.concatenate([[-1], lines, [len(more)]])).max() - 1) * strip
 
 
 def are_narrow(shapes: Shapes, metre: float) -> Mask:

@@ -82,6 +82,7 @@ ROUNDING = 1e-9  # of a length: in feet the same one may come out a little short
 BELOW_DISC = 1.58  # times the spacing of points: least radius of a disc, with eight of them below
 MOST = 0.5  # share of a region that is left without the ground in it, if there are roofs in it:
 # what is mostly cut off was joined by accident, as crowns at Autzen are
+SPARSE = 1.9  # metres between points from which on many roofs are lost; spacings are 1.4, 2, 2.8 m
 HALF_AS_DENSE = 0.5**0.5  # times as far apart are twice as many points per area
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 
@@ -289,6 +290,12 @@ class ClassifyBuildings:
             return self._packed(part, part, [], [], [])
         given = self.radius, self.context, self.alpha
         lengths = Lengths.of(cloud, self.flat, *given, ctx=ctx)
+        if lengths.spacing > SPARSE * metre:
+            log.warning(
+                "points are some %.1f m apart, too sparse for many roofs: expect buildings to be "
+                "missing, small ones first",
+                lengths.spacing / metre,
+            )
         features = self._features(part, lengths, ctx.part(0.0, 0.55))
         roof = self._roof(features, lengths, ctx.part(0.55, 0.6))
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))
@@ -772,5 +779,8 @@ def confidences(shapes: Shapes, features: _evidence.PointFeatures, planes: Mask)
     """
     seen = ground_seen(shapes, features) / SEEN
     above = features.terrain[1] > FOOT
-    flat = [planes[features.within(shape, above)].mean() for shape in shapes]
+    around = shapely.buffer(
+        shapes, TOUCHING * features.cloud.metre
+    )  # their corners are points, too
+    flat = [planes[features.within(shape, above)].mean() for shape in around]
     return np.asarray(flat) * (1 - seen)

@@ -70,6 +70,18 @@ def village(
     return PointCloud(xyz, attributes, crs=UTM, name="village.laz")
 
 
+@pytest.mark.parametrize(("density", "told"), [(0.25, True), (0.5, False)])
+def test_points_too_sparse_for_roofs_are_told(
+    density: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    x, y = np.indices((60, 60)).reshape(2, -1) / density**0.5
+    points = PointCloud(
+        np.column_stack([x, y, 0 * x]), {"classification": np.full(3600, 2, "u1")}, crs=UTM
+    )
+    ClassifyBuildings(points=points).run()
+    assert ("some 2.0 m apart, too sparse for many roofs" in caplog.text) == told
+
+
 def agreement(out: Any) -> float:
     """IoU of the points found with the true ones."""
     found, true = out.classified["classification"] == 6, out.classified["truth"] == 6

@@ -136,6 +136,23 @@ def test_a_row_is_parted_though_its_outline_is_a_little_turned(degrees: float) -
     assert in_rows(turned, ground_seen(turned, hall), hall, 0.35).tolist() == [False]
 
 
+@pytest.mark.parametrize(("begin", "parted"), [(0.0, True), (5.0, False)])
+def test_a_few_points_of_ground_at_an_eave_part_no_roof(begin: float, parted: bool) -> None:
+    """Points at the corners of a raster: between its columns there is nothing but the ground."""
+    x, y = np.indices((121, 121)).reshape(2, -1) / 10
+    roof = (x < 6) & (y < 8)
+    gaps = np.column_stack(
+        [np.repeat([2.05, 4.05], 100), np.tile(np.linspace(begin, 7.95, 100), 2)]
+    )
+    xyz = np.column_stack([np.vstack([np.column_stack([x, y]), gaps]), np.zeros(len(x) + 200)])
+    xyz[: len(x)][roof, 2] = 3.5
+    once = np.ones(len(xyz), np.uint8)
+    columns = {"return_number": once, "number_of_returns": once}
+    some = features(cloud(xyz, np.where(xyz[:, 2] == 0, 2, 1), **columns))
+    shape = np.array([shapely.box(0, 0, 5.95, 7.95)])
+    assert in_rows(shape, np.array([0.05]), some, 0.1).tolist() == [parted]
+
+
 def test_ground_between_tells_a_row_of_trams_from_a_hall() -> None:
     """At 3 points per square metre gaps of 0.8 m are not seen between neighbours."""
     row: list[Box] = [(5, 33, 10 + 3.3 * k, 12.5 + 3.3 * k, 3.5) for k in range(4)]

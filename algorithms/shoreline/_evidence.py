@@ -146,6 +146,8 @@ def _drained(cells: CellGrid, some: Ints) -> float:
 
     Waves are averaged, which local slopes would be of.
     """
+    if len(some) < FOR_SHAPE:
+        return math.inf
     spots = np.column_stack([some // cells.lattice.cols, some % cells.lattice.cols]).astype(float)
     centred = spots - spots.mean(axis=0)
     across, along = (centred @ np.linalg.eigh(np.cov(centred.T))[1]).T

@@ -23,7 +23,7 @@ from algorithms.shoreline import _water
 from algorithms.shoreline._bodies import Pour
 from algorithms.shoreline._cells import Tilt, grid, median_of_counts
 from algorithms.shoreline._dikes import _crest
-from algorithms.shoreline._evidence import Body, _along_a_line
+from algorithms.shoreline._evidence import Body, _along_a_line, _drained
 from algorithms.shoreline._kernels import TAKEN, spread
 from algorithms.shoreline._level import Level, Sides, _parts, side_by_side, under_cover
 from algorithms.shoreline._outline import detail_of
@@ -636,6 +636,24 @@ def test_a_sea_dam_of_which_two_points_in_a_hundred_are_left(
     for k in range(2):
         assert iou(whole.geometry.iloc[k], thin.geometry.iloc[k]) > 0.88
         assert thin["level"].iloc[k] == pytest.approx(whole["level"].iloc[k], abs=0.02)
+
+
+def test_a_wide_gap_beside_hills_is_no_lake(caplog: pytest.LogCaptureFixture) -> None:
+    """A missing strip was a lake of 8 ha, with an interval of 18 m. One point on 12 m2."""
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform((0, 0), (900, 500), (36_000, 2)).T
+    z = 280 + 20 * np.sin(x / 150) + 0.05 * (y - 250) + rng.normal(0, 0.05, len(x))
+    seen = abs(y - 250 - 5 * np.sin(x / 90)) > 45
+    xyz = np.column_stack([x, y, z])[seen] + (500_000, 5_000_000, 0)
+    single = np.zeros(len(xyz), bool)
+    points = PointCloud(xyz, columns(np.full(len(xyz), 500, np.uint16), single), crs=UTM)
+    assert extract(points, bodies="all", sloped=True).count == 0
+    assert "have no shore at one level: about 79000 m2" in caplog.text
+
+
+def test_what_is_not_seen_amid_a_river_tells_nothing_of_its_slopes() -> None:
+    cells = grid(Returns.of(slope(rise=0.0), None, None))
+    assert _drained(cells, np.zeros(0, np.int64)) == math.inf
 
 
 def test_a_hole_is_held_by_dikes_that_are_narrower_than_cells() -> None:

@@ -204,14 +204,13 @@ class ShorelineExtract:
             """Half of the 95 % interval of the area of all bodies; their errors are independent."""
             return NINETY_FIVE * float(np.linalg.norm(self.water.frame["area_error"]))
 
-        @property
-        def _by_looks_alone(self) -> int:
-            """How many bodies are told by a dark level surface alone, as they return pulses."""
+        def _by(self, evidence: str) -> int:
+            """How many bodies are told by one thing, and being level, alone."""
             frame = self.water.frame
             looks = [
                 set(told.split(", ")) - {"level", "level across"} for told in frame["evidence"]
             ]
-            return int(frame["body"][[rest == {"dark"} for rest in looks]].nunique())
+            return int(frame["body"][[rest == {evidence} for rest in looks]].nunique())
 
         @property
         def _by_bright_returns(self) -> int:
@@ -251,11 +250,17 @@ class ShorelineExtract:
                     "the outlines were not seen there; they are not in the areas, whose errors "
                     "hold that they may be water"
                 )
-            if alone := self._by_looks_alone:
+            if alone := self._by("dark"):
                 yield (
                     "Waters that return their pulses and are told by being level and dark alone: "
                     f"{alone} of {self.count} (column evidence); paved ground as dark and level "
                     "looks like them"
+                )
+            if alone := self._by("fewer returns"):
+                yield (
+                    "Waters that are as bright as land and are told by being level and returning "
+                    f"fewer pulses alone: {alone} of {self.count} (column evidence); bogs, wet "
+                    "meadows and fields that fewer flights cover look like them"
                 )
             yield (
                 "Shores below bridges, decks and wide woods, and behind jetties and moored boats: "

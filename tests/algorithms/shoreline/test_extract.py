@@ -903,6 +903,7 @@ def test_level_water_that_returns_fewer_pulses_than_land_is_found(
     assert found.count == count
     if count:
         assert set(found.water.frame["evidence"]) == {"fewer returns, level"}
+        assert any("fewer pulses alone: 1 of 1" in text for text in found.not_looked_at())
     else:
         assert "1 level places are left out" in caplog.text
 

@@ -141,16 +141,44 @@ def parting(corridor: Corridor, alignment: Alignment, bins: Binned, bend: float)
         if high - low > SETTINGS.network.bundle_width:
             parts = [bins.of(part) for part in (order[:k], order[k:])]
             costs, edges = zip(*(solved(p, bend, usual_price(p)) for p in parts), strict=True)
-            if sum(costs) < least and mostly_apart(edges[0] * bins.step, edges[1] * bins.step):
+            held = (held_within(*own, bend) for own in zip(parts, edges, strict=True))
+            if sum(costs) < least and mostly_apart(*held):
                 least, found = sum(costs), float(low + high) / 2
     return found
 
 
 def mostly_apart(one: Floats, other: Floats) -> bool:
-    """Whether most cuts of two lines, given with both ends, are where the other line has none."""
-    away = np.abs(one[1:-1, None] - other[1:-1]) > SETTINGS.arcs.most_shift
+    """Whether most supports of two lines are where the other has none; see :func:`held_within`."""
+    gap = np.maximum(one[:, None, 0] - other[:, 1], other[:, 0] - one[:, None, 1])
+    away = gap > SETTINGS.arcs.most_shift
     alone = np.concatenate([away.all(axis=0), away.all(axis=1)])
     return bool(2 * np.count_nonzero(alone) > len(alone))
+
+
+def held_within(bins: Binned, edges: Ints, bend: float) -> Floats:
+    """From where to where each support may stand of a line that is cut at edges, both ends given.
+
+    A wire is cut at both ends of its strings, where they are as long as those of a bundle. So two
+    cuts are of one support where the points between them do not tell that a span hangs there.
+
+    Returns
+    -------
+    array of shape (n, 2), chainages
+    """
+    inner = edges[1:-1]
+    told = [tells_curvature(bins, *two, bend) for two in itertools.pairwise(inner.tolist())]
+    parts = np.split(inner, np.flatnonzero(told) + 1) if len(inner) else []
+    return bins.step * np.array([(own[0], own[-1]) for own in parts]).reshape(-1, 2)
+
+
+def tells_curvature(bins: Binned, low: int, high: int, bend: float) -> bool:
+    """Whether points between two edges tell more of the curvature there than the other arcs do."""
+    spread, told = SETTINGS.arcs.curvature_spread * bend, 0.0
+    for k in np.flatnonzero((bins.tall[low:high] > 0).any(axis=0)).tolist():
+        u, z, weight = (table[low:high, k] for table in (bins.u, bins.z, bins.tall))
+        fitted = arc(u - low * bins.step, z, weight, bend, spread)
+        told += 0.0 if fitted is None else 1 / fitted[1][2, 2] - 1 / spread**2
+    return told > 1 / spread**2
 
 
 def usual_price(bins: Binned) -> Floats:

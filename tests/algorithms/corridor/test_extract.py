@@ -37,7 +37,9 @@ from algorithms.corridor._curves.arcs import (
     arcs_of,
     bending,
     binned,
+    held_within,
     misfits,
+    mostly_apart,
     solved,
     wander_of,
 )
@@ -451,6 +453,30 @@ def arcs_of_tracks(heights: Floats) -> Binned:
     u = np.broadcast_to(np.arange(len(heights))[:, None] + 0.5, heights.shape).copy()
     sure = np.full(heights.shape, 400.0)
     return Binned(1.0, sure, sure, u, heights, np.zeros(heights.shape))
+
+
+@pytest.mark.parametrize(
+    ("c", "sigma", "expected"),
+    [(2000, 0.2, [[300, 320], [600, 600]]), (100, 0.02, [[300, 300], [320, 320], [600, 600]])],
+    ids=["strings of noisy bundles", "a short span of low wires"],
+)
+def test_two_cuts_are_of_one_support_where_no_span_is_known_between_them(
+    c: float, sigma: float, expected: list[list[float]]
+) -> None:
+    """Strings of a bundle pull it level: it is cut at both of their ends."""
+    edges = np.array([0, 300, 320, 600, 900])
+    arcs = [np.arange(b - a) + 0.5 - (b - a) / 2 for a, b in itertools.pairwise(edges)]
+    bins = arcs_of_tracks(np.column_stack([0.5 * np.concatenate(arcs) ** 2 / c] * 4))
+    bins = replace(bins, tall=np.full(bins.u.shape, 1 / sigma**2))
+    assert held_within(bins, edges, 1 / c).tolist() == expected
+
+
+def test_lines_have_supports_apart_only_where_these_cannot_be_the_same() -> None:
+    strings, one = np.array([[295.0, 315.0]]), np.array([[306.0, 306.0]])
+    assert not mostly_apart(strings, one)
+    assert not mostly_apart(one, strings)
+    assert mostly_apart(strings + 40, one)
+    assert mostly_apart(one, strings - 40)
 
 
 def test_a_catenary_is_no_parabola_where_spans_are_long_and_steep() -> None:

@@ -220,7 +220,12 @@ def _jacobian(u: Floats, length: float, z_start: float, z_end: float, curvature:
 
 
 def fit(
-    xyz: Floats, *, sways: bool = True, spread: float = 1.0, curvature: float | None = None
+    xyz: Floats,
+    *,
+    sways: bool = True,
+    spread: float = 1.0,
+    curvature: float | None = None,
+    scatter: float | None = None,
 ) -> Catenary | None:
     """The catenary through points of one wire, from its first to its last point.
 
@@ -230,6 +235,7 @@ def fit(
     sways : also look for a swing by wind
     spread : points farther than this from the first curve lose all weight, metres
     curvature : known of other wires, to a tenth, 1 / metre
+    scatter : of points, known of other wires, metres; a few points do not tell their own
 
     Returns
     -------
@@ -257,7 +263,7 @@ def fit(
         spread,
         curvature or 0.0,
         SETTINGS.fit.known_curvature,
-        SETTINGS.arcs.least_wander,
+        scatter or SETTINGS.arcs.least_wander,
         sways,
         SETTINGS.fit.swaying_sag,
         shape,

@@ -48,7 +48,7 @@ def with_drops(
         if not held or not is_pole(support.high - support.ground):
             continue
         own = around_pole(corridor, support, taken)
-        ends = own[clear[own] & stand_alone(corridor, own, taken)]
+        ends = own[clear[own] & stand_alone(corridor, own, taken, held)]
         for curve in drops_of(corridor, support, held, own, ends, taken, clear):
             span, bundle, wire_id = (
                 1 + max(getattr(wire, name) for wire in found)
@@ -79,11 +79,16 @@ def around_pole(corridor: Corridor, support: Support, taken: Mask) -> Ints:
     return np.asarray(near[own])
 
 
-def stand_alone(corridor: Corridor, own: Ints, taken: Mask) -> Mask:
-    """Which of some points have few others around them, those on wires not counted."""
+def stand_alone(corridor: Corridor, own: Ints, taken: Mask, held: Sequence[Wire] = ()) -> Mask:
+    """Which of some points have few others around them, those on wires not counted.
+
+    Where the points are of a wire, it has as many on both sides of them as others of its pole, that
+    is, of those that are `held`.
+    """
     around = corridor.air.tree.query_ball_point(corridor.air.xyz[own], room())
     others = np.array([np.count_nonzero(~taken[near]) - 1 for near in around], np.int64)
-    return others <= SETTINGS.sparse.company
+    along = 2 * room() * max((wire.curve.count / wire.curve.length for wire in held), default=0.0)
+    return others <= SETTINGS.sparse.company + along
 
 
 def is_clear(corridor: Corridor, wires: Sequence[Wire]) -> Mask:
@@ -179,7 +184,13 @@ def fitted(corridor: Corridor, guess: Catenary, radius: float, taken: Mask) -> C
     while len(own) > count:  # by the first curve others are found, near the pole and farther on
         count = len(own)
         known = guess.curvature if count <= SETTINGS.towers.known_by_points else None
-        better = fit(air.xyz[own], spread=corridor.tolerance, curvature=known, sways=False)
+        better = fit(
+            air.xyz[own],
+            spread=corridor.tolerance,
+            curvature=known,
+            scatter=radius / SETTINGS.spans.on_wire,
+            sways=False,
+        )
         if better is None:
             return None
         curve = better if better.ex * guess.ex + better.ey * guess.ey > 0 else turned(better)
@@ -189,12 +200,18 @@ def fitted(corridor: Corridor, guess: Catenary, radius: float, taken: Mask) -> C
         own, _ = air.around(curve, radius, begin, curve.length + gap if math.isnan(end) else end)
         own = own[~taken[own]]
     rough = curve.rms > SETTINGS.curves.fine_rms * corridor.tolerance
-    if rough or curve.c < SETTINGS.curves.smallest_c or is_straight(curve):
+    if rough or is_too_bent(curve) or is_straight(curve):
         return None
     if math.isnan(end):  # no wire ends in the air
         end = end_of(corridor, curve, radius, *known_ahead(curve))
     drop = curve.between(begin, curve.length if math.isnan(end) else end)
     return None if is_on_roof(corridor, drop) else drop
+
+
+def is_too_bent(curve: Catenary) -> bool:
+    """Whether a curve is surely tighter than any wire; a few points hardly tell."""
+    slack = SETTINGS.curves.certain_sigmas * math.sqrt(curve.variance_of_curvature)
+    return curve.curvature - slack > 1 / SETTINGS.curves.smallest_c
 
 
 def turned(curve: Catenary) -> Catenary:

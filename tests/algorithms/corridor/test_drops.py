@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -78,6 +79,31 @@ def test_a_drop_of_six_points_leads_from_its_pole_to_the_house() -> None:
 def test_where_no_house_is_seen_a_drop_ends_at_its_last_point() -> None:
     (found,) = drops(scatter(DROP.points(np.array(U))))
     assert found.length == pytest.approx(U[-1], abs=0.1)
+
+
+@pytest.mark.parametrize("seed", [6, 14, 15, 23])  # of forty, those with the largest errors
+def test_a_few_points_scatter_as_those_of_the_wires_of_the_pole(seed: int) -> None:
+    """Of five some lie on a curve by chance: by their scatter another one is no point of it."""
+    few = DROP.points(np.array([2.1, 4.2, 6.4, 11.3, 13.6]))
+    (found,) = drops(scatter(few, 0.03, seed), house())
+    assert np.linalg.norm(found.ends - DROP.ends, axis=1).max() < 1.0
+
+
+@pytest.mark.parametrize("seed", [16, 20, 27, 35])  # of forty, those that seem bent most
+def test_a_few_points_near_the_pole_hardly_tell_how_a_drop_is_bent(seed: int) -> None:
+    near = Catenary(35.0, 0.0, 0.28, 0.96, 7.0, 7.2, 5.0, 1 / 75)
+    assert len(drops(scatter(near.points(np.array([1.2, 1.9, 2.6, 3.4, 4.3, 4.9])), 0.03, seed)))
+
+
+@pytest.mark.parametrize("per_metre", [0.5, 1.2, 3.0])
+def test_a_drop_may_have_as_many_points_as_the_wires_of_its_pole(
+    per_metre: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = [replace(w.curve, count=round(per_metre * w.curve.length)) for w in WIRES]
+    wires = [replace(wire, curve=curve) for wire, curve in zip(WIRES, seen, strict=True)]
+    monkeypatch.setitem(globals(), "WIRES", wires)
+    points = DROP.points(np.arange(1.0, 14.5, 1 / per_metre))
+    assert len(drops(scatter(points, 0.03), house())) == 1
 
 
 def test_points_in_three_metres_are_no_drop() -> None:

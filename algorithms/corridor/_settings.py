@@ -74,9 +74,6 @@ class Trace:
     steepest: float = built(0.7, "m / m", "rise over run of a wire")
     least_seed: float = tried(3.5, "m", "of the straight piece with points, where a wire may begin")
     look_share: float = tried(0.4, "1", "share of what is known of a wire by which one looks ahead")
-    usual_bend: float = built(
-        1e-4, "1 / m", "second coefficient of the offset along a wire, by a wind from the side"
-    )
     usual_sag: float = built(
         3e-3, "1 / m", "second coefficient of the height along a wire, by its weight"
     )
@@ -111,7 +108,9 @@ class Curves:
     fine_length: float = tried(18.0, "m", "the same of a clean curve")
     fine_rms: float = tried(0.3, "tolerances", "scatter of a clean curve")
     roughest: float = tried(0.8, "tolerances", "scatter of anything that may be wire")
-    largest_c: float = built(5000.0, "m", "most tension over weight of a wire")
+    largest_c: float = built(
+        5000.0, "m", "most tension over weight of a wire; wind from the side bends it as little"
+    )
     smallest_c: float = built(30.0, "m", "least tension over weight of a wire")
     certain_sigmas: float = unlikely(3.0, "sigmas", "from which something is certain")
     largest_swing: float = built(1.5, "tangent", "of the angle by which wind may lift a wire")
@@ -156,7 +155,9 @@ class Network:
         8.0, "m", "along which two wires are beside each other, or one passes a support, to tell so"
     )
     longest_missing: float = tried(
-        60.0, "m", "of a wire that may be missing, and of its end that tells where it goes on"
+        60.0,
+        "m",
+        "of a wire that may be missing, of its end that tells where it goes on, and of a drop",
     )
     bundle_width: float = built(
         0.6, "m", "within which conductors form a bundle; what a rope carries is wider"
@@ -206,7 +207,8 @@ class Structures:
     body_gap: float = surveyed(
         1.0,
         "m",
-        "between points of one body, a carrier or a deck, at most; from a rope to what it carries",
+        "between points of one body, a carrier, a deck or a face of a lattice, at most; from a "
+        "rope to what it carries",
     )
     bridge_sag: float = built(1 / 15, "1", "share of its span: more than wires sag")
     mesh_height: float = built(0.4, "m", "up, between wires that are tied")
@@ -418,13 +420,6 @@ class Continued:
 
 
 @dataclass(frozen=True)
-class Drops:
-    """Service drops, single wires from a pole to a house."""
-
-    longest: float = built(40.0, "m", "of a drop; longer ones need a pole of their own")
-
-
-@dataclass(frozen=True)
 class Supports:
     """Where supports stand."""
 
@@ -463,7 +458,6 @@ class Towers:
     foot_height: float = tried(
         3.0, "m", "below which shrubs may grow inside a lattice, and no support holds a wire"
     )
-    leg_width: float = built(1.0, "m", "of a face of the lattice there")
     jumper_deepest: float = built(4.0, "m", "below its wire, where a jumper ends")
     jumper_width: float = built(
         1.3, "1", "times the part of a jumper that is clear of its wire, by its parabola"
@@ -472,7 +466,9 @@ class Towers:
         0.04, "1", "share of the height of a tower: half depth of an arm, and twice the half height"
     )
     known_by_points: int = unlikely(
-        4, "points", "by which a jumper, arms, a neck or a waist are known"
+        4,
+        "points",
+        "by which a jumper, arms, a neck or a waist are known",
     )
     string_reach: float = built(
         0.15, "1", "share of the height: how far from the tower strings end"
@@ -540,7 +536,6 @@ class Settings:
     arcs: Arcs = Arcs()
     spans: Spans = Spans()
     continued: Continued = Continued()
-    drops: Drops = Drops()
     supports: Supports = Supports()
     towers: Towers = Towers()
     lines: Lines = Lines()

@@ -223,7 +223,7 @@ def following() -> kernels.Following:
         SETTINGS.trace.look_share,
         SETTINGS.trace.seed_reach / 2,
         2 * SETTINGS.trace.seed_reach,
-        SETTINGS.trace.usual_bend,
+        0.5 / SETTINGS.curves.largest_c,
         SETTINGS.trace.usual_sag,
         SETTINGS.trace.least_rms,
         SETTINGS.trace.widest,

@@ -72,10 +72,10 @@ def with_drops(
 def around_pole(corridor: Corridor, support: Support, taken: Mask) -> Ints:
     """Indices of the points that may be of a drop from a pole: not of this, and on no wire."""
     place, air = np.array([support.x, support.y]), corridor.air
-    near = air.within(place, SETTINGS.drops.longest)
+    near = air.within(place, SETTINGS.network.longest_missing)
     near = near[corridor.may[near] & ~taken[near]]
     away = np.hypot(*(air.xyz[near, :2] - place).T)
-    own = (away > SETTINGS.arcs.arm_half_width) & (away < SETTINGS.drops.longest)
+    own = (away > SETTINGS.arcs.arm_half_width) & (away < SETTINGS.network.longest_missing)
     return np.asarray(near[own])
 
 
@@ -250,7 +250,9 @@ def known_ahead(curve: Catenary) -> tuple[float, float]:
     What few points tell of its direction hardly counts beside what they tell of its height.
     """
     near = SETTINGS.curves.clutter_radius
-    ahead = np.arange(0.0, SETTINGS.drops.longest - curve.length, SETTINGS.points.company_side / 2)
+    ahead = np.arange(
+        0.0, SETTINGS.network.longest_missing - curve.length, SETTINGS.points.company_side / 2
+    )
     off = SETTINGS.spans.on_wire * curve.height_sigma(curve.length + ahead)
     return float(ahead[off < near].max(initial=0.0)), near
 

@@ -274,7 +274,7 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
         ]
         foot = float(np.quantile(shin, 0.9)) if len(shin) else width
         body &= (above > SETTINGS.towers.foot_height) | (
-            np.abs(away - foot) < SETTINGS.towers.leg_width
+            np.abs(away - foot) < SETTINGS.structures.body_gap
         )
     below = (above > 2 * SETTINGS.points.off_ground) & (z <= waist)
     body &= below

@@ -182,7 +182,7 @@ def test_nearly_straight_and_bent_rows_are_tried_alike() -> None:
 
 
 def test_points_farther_off_than_a_drop_is_long_do_not_tell() -> None:
-    with changed("drops.longest", 6.0):
+    with changed("network.longest_missing", 6.0):
         assert not drops(scatter(DROP.points(np.array(U))))
 
 

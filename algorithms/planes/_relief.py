@@ -22,6 +22,7 @@ from scipy.special import ndtr
 from algorithms.planes._fronts import Front
 from algorithms.planes._glass import MOSTLY, glass
 from algorithms.planes._outlines import View
+from algorithms.planes._screen import JOINED, Screen, screen_of
 from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.windows import between
 
@@ -58,6 +59,7 @@ class Relief(NamedTuple):
     side : of a square
     states : array of shape (rows, columns), EMPTY, WALL, BEHIND or HIDDEN (something stands before)
     glass : numbers of the planes that are the glass of a curtain wall
+    screen : what stands before the front and is no part of it
     """
 
     view: View
@@ -69,6 +71,7 @@ class Relief(NamedTuple):
     side: float
     states: NDArray[np.int8]
     glass: list[int]
+    screen: Screen
 
     def cells(self, uv: Floats) -> tuple[Ints, Ints, Mask]:
         """Row and column of places, and which of these lie in the picture."""
@@ -125,6 +128,8 @@ def relief_of(
     recess: float,
     depth: float,
     least: float,
+    front_depth: float,
+    metre: float,
 ) -> Relief:
     """The picture of a front.
 
@@ -136,11 +141,18 @@ def relief_of(
     recess : farthest that panes stand back
     depth : farthest behind the wall that is looked at
     least : step that is looked at, if the noise is not larger
+    front_depth : farthest before the wall that a part of the front is
+    metre : in the unit of the points
     """
     members = np.flatnonzero(np.isin(ids, np.array(front.members) + 1))
     view = View.of(front.plane, xyz[members])
     uv, away = view.flat(xyz), -front.plane.distances(xyz)
-    parts = [_plane(k, uv, away, ids, shades) for k in front.members]
+    near = np.abs(away) <= JOINED * metre
+    near &= np.isin(ids, np.array(front.members) + 1)
+    screen = screen_of(uv, away, near, front_depth, metre)
+    away = np.where(screen.points, -depth, away)  # as far away as anything that hides the wall
+    ids = np.where(screen.points, 0, ids)
+    parts = [_plane(k, uv, away, ids, shades) for k in front.members if (ids == k + 1).any()]
     panes = glass(parts, uv, away, ids, largest, recess)
     shares = {part.number: float(panes[ids == part.number + 1].mean()) for part in parts}
     bare = [part for part in parts if shares[part.number] <= MOSTLY]
@@ -168,7 +180,7 @@ def relief_of(
     on_wall &= ~(inside & back & (told > -SURE))
     if panes.any():  # frames are narrower than squares, which hold their sides, too
         states.flat[place[on_wall & (place >= 0) & (told < -SURE)]] = WALL
-    return Relief(view, uv, behind, on_wall, apart, step, side, states, glazed)
+    return Relief(view, uv, behind, on_wall, apart, step, side, states, glazed, screen)
 
 
 def _states(

@@ -25,6 +25,7 @@ from algorithms.planes._openings import (
     BLIND,
     COLUMNS,
     EITHER,
+    OF_TWO,
     Openings,
     marked,
     may_hide_door,
@@ -32,6 +33,7 @@ from algorithms.planes._openings import (
 )
 from algorithms.planes._outlines import View, drawn
 from algorithms.planes._relief import Relief, relief_of
+from algorithms.planes._screen import Screen
 from algorithms.planes._segment import parts_of
 from algorithms.shared.plane_fit import Plane
 from algorithms.shared.plane_numbers import plane_numbers
@@ -297,6 +299,8 @@ class PlanesOpenings:
                 recess=self.recess,
                 depth=self.depth,
                 least=self.min_recess,
+                front_depth=self.front_depth,
+                metre=cloud.metre,
             )
             made = openings(
                 relief,
@@ -315,6 +319,7 @@ class PlanesOpenings:
             self._warn_if_sparse(number + 1, seen[-1].spacing)
             self._warn_if_noisy(number + 1, relief.step / cloud.metre)
             self._warn_if_two_sided(number + 1, relief.twice())
+            self._warn_of_screen(number + 1, relief.screen)
             self._warn_of_unseen(number + 1, made)
             self._warn_of_wide(number + 1, made)
             self._warn_of_blind(number + 1, made)
@@ -468,6 +473,18 @@ class PlanesOpenings:
                 maybe,
             )
 
+    def _warn_of_screen(self, number: int, screen: Screen) -> None:
+        """Say so where a scaffold or the like stands before a front."""
+        if screen.share:
+            log.warning(
+                "something stands %.1f m before front %d over %.0f %% of its width, as scaffolds "
+                "and nets do: openings behind it may be missed, or parts of larger ones; their "
+                "certainty is half",
+                screen.depth / self.points.metre,
+                number,
+                100 * screen.share,
+            )
+
     def _warn_of_glass(self, number: int, planes: list[int]) -> None:
         """Say so where large planes are taken for panes, not for wall."""
         if planes:
@@ -554,6 +571,8 @@ class PlanesOpenings:
                 row: dict[str, Any] = {"opening_id": len(rows) + 1, "front_id": front_id}
                 row |= opening.row(one.relief, metre)
                 row["certainty"] *= told_of(opening.shape, one.spacing)
+                left, _, right, _ = opening.shape.bounds
+                row["certainty"] *= OF_TWO if one.relief.screen.hides(left, right) else 1.0
                 rows.append(row)
                 shown.append(row)
                 solid.append(one.relief.view.raised(opening.shape))

@@ -6,6 +6,7 @@ Houses stand as those of samples.scene: x along the front, y into the house, z u
 from __future__ import annotations
 
 import itertools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,6 +46,10 @@ KINDS = (
     "surrounds",
     "timber",
     "row",
+    "scaffold",
+    "nets",
+    "ribbons",
+    "loggias",
 )
 
 
@@ -101,12 +106,18 @@ def _drawn(kind: str, seed: int) -> tuple[House, _Style]:
     _ground_and_sides(house, style)
     if kind == "glass":
         _curtain_wall(house, style)
+    elif kind == "ribbons":
+        _ribbons(house, style)
+    elif kind == "loggias":
+        _loggias(house, style)
     else:
         _wall(house, style)
     if "relief" in kind or kind in ("shutters", "grazing"):
         _relief(house, style)
     if kind == "hidden":
         _before(house)
+    if kind in ("scaffold", "nets"):
+        _scaffold(house, style)
     if kind == "surrounds":
         _surrounds(house)
     if kind == "timber":
@@ -321,6 +332,144 @@ def _before(house: House) -> None:
         house.box("van", (x, -4.0, 0.3), (x + 4.4, -2.2, float(rng.uniform(1.4, 1.9))), shade=40000)
     z = float(rng.uniform(4.0, 7.0))
     house.box("cable", (0.0, -0.5, z), (house.size, -0.47, z + 0.03), shade=8000)
+
+
+def _scaffold(house: House, style: _Style) -> None:
+    """Two rows of tubes with boards between them and rails; nets hang before all or half of it."""
+    rng, size, top = house.rng, house.size, STOREYS * style.storey
+    gap, deep, tube = float(rng.uniform(0.2, 0.35)), float(rng.uniform(0.6, 1.0)), 0.05
+    rows, lift = (-gap, -gap - deep), 2.0
+    fields = max(2, round(size / float(rng.uniform(2.0, 2.6))))
+    posts = np.linspace(0.0, size - tube, fields + 1)
+    steel: dict[str, Any] = {"shade": 18000}
+    for x, y in itertools.product(posts.tolist(), rows):
+        low, high = (x, y - tube, 0.0), (x + tube, y, top + 0.5)
+        house.box("tube", low, high, **steel)
+    for level in np.arange(lift, top, lift).tolist():
+        low, high = (0.0, -gap - deep, level - 0.05), (size, -gap, level)
+        house.box("boards", low, high, shade=22000)
+        board = (0.0, -gap - deep - 0.03, level)
+        house.face("toe board", board, (size, 0, 0), (0, 0, 0.15), shade=22000)
+        for up in (0.5, 1.0):
+            low = (0.0, -gap - deep - tube, level + up)
+            house.box("rail", low, (size, low[1] + tube, low[2] + tube), **steel)
+    for field, x in enumerate(posts[:-1:3].tolist()):  # braces
+        rise = (posts[1] - posts[0], 0, lift)
+        for number in range(int(top // lift)):
+            start = x if (number + field) % 2 == 0 else x + rise[0]
+            along = rise if (number + field) % 2 == 0 else (-rise[0], 0, lift)
+            corner = (start, -gap - deep - tube, number * lift)
+            house.face("brace", corner, along, (0, 0, tube), **steel)
+    if style.kind == "nets":
+        chance, left = float(rng.uniform(0.3, 0.95)), float(rng.choice([0.0, size / 2]))
+        bays = int(size // BAY)
+        ends = [*(bay * BAY for bay in range(bays)), size]
+        for bay, (x1, x2) in enumerate(itertools.pairwise(ends)):  # a face of all bays is opaque
+            for level in np.arange(0.0 if bay % 2 else lift, top, lift).tolist():
+                if x1 >= left - BAY / 2:
+                    corner = (x1, -gap - deep - 0.1 - 0.05 * float(rng.random()), level)
+                    net = (x2 - x1, 0, 0), (0, 0, lift)
+                    house.face("net", corner, *net, bay=bay, shade=9000, chance=chance)
+
+
+def _ribbons(house: House, style: _Style) -> None:
+    """A band of glass in each storey, over the whole front or most of it; a door below."""
+    rng, size, top = house.rng, house.size, STOREYS * style.storey
+    house.face("wall", (0, 0, -1), (size, 0, 0), (0, 0, top + 1), pierced=True)
+    whole, frames = rng.random() < 0.4, rng.random() < 0.5
+    ends = (0.0, size) if whole else (float(rng.uniform(0.5, 1.5)), size - rng.uniform(0.5, 3.0))
+    ends = (float(ends[0]), float(ends[1]))
+    chance = float(rng.uniform(0.05, 0.5))
+    for storey in range(STOREYS):
+        z1, z2 = storey * style.storey + style.sill, storey * style.storey + style.head
+        left = ends[0] + (3.0 if storey == 0 else 0.0)
+        _band(house, style, (left, ends[1], z1, z2), chance, frames)
+    middle = ends[0] + 1.5
+    frame = (middle - 0.6, middle + 0.6, 0.05, style.head)
+    _opening(house, int(middle // BAY), frame, style, "door")
+    house.openings.sort(key=lambda hole: hole[-1])  # a scan looks for them bay by bay
+
+
+def _band(house: House, style: _Style, frame: Frame, chance: float, frames: bool) -> None:
+    """One band of glass with its reveals, blinds behind some of it, and bars if it has frames."""
+    x1, x2, z1, z2 = frame
+    rng, y = house.rng, style.recess
+    up = (0, 0, z2 - z1)
+    bays = range(int(x1 // BAY), math.ceil(x2 / BAY))
+    for bay in bays:
+        a, b = max(x1, bay * BAY), min(x2, (bay + 1) * BAY)
+        house.openings.append((a, b, z1, z2, 0.0, bay))
+        side = (b - a, 0, 0)
+        house.face("glass", (a, y, z1), side, up, bay=bay, chance=chance, **GLASS)
+        for z in (z1, z2):
+            house.face("reveal", (a, 0, z), side, (0, y, 0), bay=bay, shade=28000)
+        for x in np.arange(a, b, 1.2) if frames else ():
+            bar = (float(x), y - 0.03, z1)
+            house.face("frame", bar, (0.06, 0, 0), up, bay=bay, shade=24000)
+        if rng.random() < 0.4:
+            blind = (a, y + 0.15, z1 + float(rng.uniform(0.0, 0.8)) * (z2 - z1))
+            house.face("blind", blind, side, (0, 0, z2 - blind[2]), bay=bay, shade=22000)
+        elif rng.random() < 0.5:
+            room = (a, y + float(rng.uniform(0.5, 1.2)), z1)
+            house.face("cupboard", room, side, up, bay=bay, shade=16000)
+    for x in (x1, x2):
+        house.face("reveal", (x, 0, z1), (0, y, 0), up, shade=28000)
+    corners = np.array([(x1, 0, z1), (x2, 0, z1), (x2, 0, z2), (x1, 0, z2)])
+    told = {"kind": "opening", "type": "ribbon", "frame": frame}
+    house.features.append((shapely.Polygon(house.placed(corners)), told))
+
+
+def _loggias(house: House, style: _Style) -> None:
+    """Recesses a storey high in every second bay, with a parapet or bars and a window at the back.
+
+    The open front of a loggia is an opening; the window at its back is seen through it.
+    """
+    rng, size, top = house.rng, house.size, STOREYS * style.storey
+    house.face("wall", (0, 0, -1), (size, 0, 0), (0, 0, top + 1), pierced=True)
+    deep, solid = float(rng.uniform(0.9, 1.5)), rng.random() < 0.5
+    width, first = float(rng.uniform(2.2, 3.2)), int(rng.integers(0, 2))
+    for bay, storey in itertools.product(range(int(size // BAY)), range(STOREYS)):
+        middle, floor = (bay + 0.5) * BAY, storey * style.storey
+        if storey == 0 or bay % 2 != first:
+            half = style.width / 2
+            low, high = floor + style.sill, floor + style.head
+            _opening(house, bay, (middle - half, middle + half, low, high), style, "window")
+            continue
+        parapet = 1.0 if solid else 0.0
+        frame = (
+            middle - width / 2,
+            middle + width / 2,
+            floor + parapet,
+            floor + style.storey - 0.3,
+        )
+        _loggia(house, bay, frame, floor, deep)
+        if not solid:
+            for x in np.arange(frame[0], frame[1], 0.12):
+                bar = (float(x), 0.03, floor)
+                house.face("bar", bar, (0.02, 0, 0), (0, 0, 1.0), bay=bay, shade=15000)
+
+
+def _loggia(house: House, bay: int, frame: Frame, floor: float, deep: float) -> None:
+    x1, x2, z1, z2 = frame
+    rng = house.rng
+    house.openings.append((*frame, 0.0, bay))
+    across, up, inwards = (x2 - x1, 0, 0), (0, 0, z2 - floor), (0, deep, 0)
+    for x in (x1, x2):
+        house.face("loggia", (x, 0, floor), inwards, up, bay=bay, shade=28000)
+    for z in (floor, z2):
+        house.face("loggia", (x1, 0, z), across, inwards, bay=bay, shade=25000)
+    glass = float(rng.uniform(0.4, 0.7)) * (x2 - x1)
+    left = x1 + float(rng.uniform(0.1, 0.9)) * (x2 - x1 - glass)
+    chance = float(rng.uniform(0.1, 0.4))
+    pane = (left, deep + 0.1, floor), (glass, 0, 0), (0, 0, 2.3)
+    house.face("glass", *pane, bay=bay, chance=chance, **GLASS)
+    for a, b in ((x1, left), (left + glass, x2)):
+        house.face("back", (a, deep, floor), (b - a, 0, 0), up, bay=bay, shade=30000)
+    over = (left, deep, floor + 2.3)
+    house.face("back", over, (glass, 0, 0), (0, 0, z2 - floor - 2.3), bay=bay, shade=30000)
+    corners = np.array([(x1, 0, z1), (x2, 0, z1), (x2, 0, z2), (x1, 0, z2)])
+    told = {"kind": "opening", "type": "loggia", "frame": frame}
+    house.features.append((shapely.Polygon(house.placed(corners)), told))
 
 
 def _curtain_wall(house: House, style: _Style) -> None:

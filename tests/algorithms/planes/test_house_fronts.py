@@ -14,7 +14,7 @@ SOLID = [kind for kind in KINDS if kind != "glass"]  # whose panes lie in the pl
 def test_no_wall_fills_the_openings_of_a_front(kind: str) -> None:
     """Few points in the middle of an opening lie in the plane of its corners."""
     made = house_front(kind, 0)
-    assert len(made.openings) >= 8
+    assert len(made.openings) >= (4 if kind == "ribbons" else 8)
     for ring in made.openings:
         low, high = ring.min(axis=0), ring.max(axis=0)
         rim = 0.25 * (high - low)

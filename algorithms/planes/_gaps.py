@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from algorithms.planes._bands import is_slim
 from algorithms.planes._relief import BEHIND, EMPTY, HIDDEN, WALL, Relief
 from algorithms.planes._rows import joined
 
@@ -120,10 +121,14 @@ def _behind(relief: Relief, limits: Limits) -> Iterator[Gap]:
             if neat and 2 * seen.sum() < hole.sum():
                 neat = neat._replace(found_by="outline")
             best = neat or best
-        parts = _parted(seen, limits[0] / relief.side) if best.dropped == TOO_WIDE else []
+        parts = []
+        if best.dropped == TOO_WIDE:
+            parts = _parted(seen, relief.states == EMPTY, limits[0] / relief.side)
         made = [_best(relief, [part], limits) for part in parts]
         made = [
-            gap if gap.dropped or _between(gap) else gap._replace(dropped=NOT_BETWEEN)
+            gap
+            if gap.dropped or _between(gap) or _in_band(gap.shape, gap.beside, limits[1])
+            else gap._replace(dropped=NOT_BETWEEN)
             for gap in made
         ]
         yield from made if sum(not gap.dropped for gap in made) > 1 else [best]
@@ -132,6 +137,12 @@ def _behind(relief: Relief, limits: Limits) -> Iterator[Gap]:
 def _between(gap: Gap) -> bool:
     """Whether wall lies beside a region on both sides and above."""
     return min(gap.beside[0], gap.beside[2], gap.beside[3]) >= BESIDE
+
+
+def _in_band(shape: Any, beside: tuple[float, ...], widest: float) -> bool:
+    """Whether a gap is a band of windows: low, with wall along its upper and its lower side."""
+    left, bottom, right, top = shape.bounds
+    return is_slim(right - left, top - bottom, widest) and min(beside[1], beside[3]) >= ENCLOSED
 
 
 def _best(relief: Relief, regions: list[Mask], limits: Limits) -> Gap:
@@ -183,15 +194,17 @@ def _has_reveal(relief: Relief, gap: Gap, recess: float) -> bool:
     return False
 
 
-def _parted(region: Mask, width: float) -> list[Mask]:
+def _parted(region: Mask, empty: Mask, width: float) -> list[Mask]:
     """Parts of a region that are joined where it is narrower than an opening, as arches at foot.
 
     Parameters
     ----------
+    empty : squares without echoes: those among its own, as of glass, do not part it
     width : of the narrowest opening, in squares
     """
     size = math.ceil(width)
-    wide = ndimage.binary_opening(region, np.ones((size, size), bool))
+    closed = ndimage.binary_closing(region, np.ones((3, 3), bool), iterations=BRIDGE)
+    wide = ndimage.binary_opening(region | (closed & empty), np.ones((size, size), bool))
     return list(_regions(wide, wide))
 
 
@@ -307,7 +320,8 @@ def _judged(
         if min(width, height) < min_width - relief.side:
             dropped = "too narrow"
         elif width > max_width + relief.side or height > tallest + relief.side:
-            dropped = TOO_WIDE
+            band = rectangle and _in_band(shape, beside, max_width)
+            dropped = "" if band else TOO_WIDE
         elif not rectangle and pure < FULL:
             dropped = "no clear outline"
         elif min(beside[0], beside[2]) < BESIDE and min(beside[1], beside[3]) < BESIDE:

@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from algorithms.planes._bands import is_slim
 from algorithms.planes._columns import SIDES
 from algorithms.planes._gaps import Gap, gaps, in_grid
 from algorithms.planes._outlines import outline
@@ -271,7 +272,7 @@ def _reason(
     left, bottom, right, top = shape.bounds
     if min(right - left, top - bottom) < min_width:
         return "too narrow"
-    if right - left > max_width:
+    if right - left > max_width and not is_slim(right - left, top - bottom, max_width):
         return "too wide or too high"
     few = seen < fewest and gap.found_by == "behind"
     return "too few points behind it" if few else ""
@@ -306,7 +307,8 @@ def _free(gap: Gap, uv: Floats, front: Relief) -> Any:
     A gable may stand out of the rectangle of a gap as far again as its squares out of its region.
     """
     reach: float = AROUND * (2 if gap.rectangle else 1) * front.side
-    room: Any = shapely.buffer(gap.shape, reach, join_style="mitre")
+    with np.errstate(divide="ignore", invalid="ignore"):  # mitres of edges in one line, as in GEOS
+        room: Any = shapely.buffer(gap.shape, reach, join_style="mitre")
     left, bottom, right, top = shapely.buffer(room, AROUND * front.side).bounds
     here = (uv > (left, bottom)).all(axis=1) & (uv < (right, top)).all(axis=1)
     around = alpha_shape(uv[here], HOLE * front.apart).polygons

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_opening, find_objects, label, uniform_filter
 from scipy.special import ndtr
 
+from algorithms.planes._bands import is_band
 from algorithms.planes._fronts import Front
 from algorithms.planes._glass import MOSTLY, glass
 from algorithms.planes._outlines import View
@@ -92,6 +93,7 @@ class _Plane(NamedTuple):
     Attributes
     ----------
     some : array of shape (m, 3), places and depths of points, not all of many
+    apart : distance of neighbours
     """
 
     number: int
@@ -102,6 +104,7 @@ class _Plane(NamedTuple):
     shade_spread: float
     holes: float
     some: Floats
+    apart: float = 1.0
 
     def beside(self, part: _Plane, reach: float) -> float:
         """Its depth beside another one, as it may slant; NaN if it is nowhere as near."""
@@ -280,10 +283,13 @@ def _plane(
     part = np.flatnonzero(ids == index + 1)
     held, row, column = _held(uv[part])
     size, holes = _size(uv[part], held, row, column), _holes(held)
-    part = part[:: 1 + len(part) // FEW]
+    each = 1 + len(part) // FEW
+    part = part[::each]
     shade = np.full(1, np.nan) if shades is None else shades[part]
     some = np.column_stack([uv[part], away[part]])
-    return _Plane(index, *_robust(away[part]), size, *_robust(shade), holes, some)
+    depth, shaded = _robust(away[part]), _robust(shade)
+    apart = _apart(some[:, :2]) / math.sqrt(each)
+    return _Plane(index, *depth, size, *shaded, holes, some, apart)
 
 
 def _robust(values: Floats) -> tuple[float, float]:
@@ -339,9 +345,11 @@ def _walls(
     all panels in its depth.
     """
     large = [part for part in parts if part is parts[0] or (part.size > largest).any()]
+    step = max(SIGMAS * parts[0].spread, least)
+    bands = [part for part in large[1:] if is_band(part, large, step, recess, largest[0])]
+    large = [part for part in large if part not in bands]
+    parts = [part for part in parts if part not in bands]
     weights = [float(part.size.prod()) for part in large]
-    spread = parts[0].spread
-    step = max(SIGMAS * spread, least)
     shade = np.average([part.shade for part in large], weights=weights)
     squares = [(part.shade - shade) ** 2 + part.shade_spread**2 for part in large]
     shade_limit = LIKE * math.sqrt(np.average(squares, weights=weights))
@@ -360,7 +368,7 @@ def _walls(
             if (like or not known) and (level or panel):
                 walls.append(part)
                 firm += [part] if panel else []
-    return _Walls([part.number for part in walls], spread)
+    return _Walls([part.number for part in walls], parts[0].spread)
 
 
 def _level(part: _Plane, walls: list[_Plane], panes: tuple[float, float], reach: float) -> bool:

@@ -23,6 +23,8 @@ FREE = 0.7  # share of the height of an upright at which nothing joins it to the
 THROUGH = 0.5  # share of its height at which the wall is seen beside it
 WIDE = 5  # cells beside each other that are no tube, whose points lie in three at most
 POROUS = 0.2  # share of the cells of a net through which the wall is seen: of a pilaster none
+FEW = 0.25  # share of its columns through which less is seen, at most: behind a pilaster half
+HALF = 0.5  # share of the depth to the wall at which something lies where it is joined
 FIELD = 3.2  # metres from one upright to the next: fields of scaffolds are 3.07 m long at most
 FEWEST = 3  # uprights: two may be a lamp and a mast
 APART = 1.0  # metres between two of them at least, and pieces of a net that count as much
@@ -130,7 +132,7 @@ def _uprights(held: Mask, seen: Mask, cell: float) -> Mask:
     long = _long(two, round(BREAK / cell), round(LONG / cell))
     beside = ndimage.binary_dilation(seen, np.ones((3, 1), bool))
     for layer in np.flatnonzero(long.any(axis=(1, 2))).tolist():
-        between = np.asarray(held[: layer - 1].all(axis=0))
+        between = np.asarray(held[: layer - 1].mean(axis=0) >= HALF)
         joined = ndimage.binary_dilation(between, np.ones((3, 1), bool))
         standing = long[layer].any(axis=1)
         wide = np.asarray(long[max(layer - 1, 0) : layer + 2].any(axis=(0, 2)))
@@ -146,7 +148,14 @@ def _uprights(held: Mask, seen: Mask, cell: float) -> Mask:
                 np.asarray(run.any(axis=1))
             )  # the wall is seen past its edges
             free = ~joined[place][run & two[layer, place]]
-            if inner.any() and free.mean() >= FREE and seen[place][inner].mean() >= POROUS:
+            if not inner.any() or free.mean() < FREE:
+                continue
+            through = [
+                float(cells[one].mean())
+                for one, cells in zip(run[inner], seen[place][inner], strict=True)
+                if one.any()
+            ]
+            if np.quantile(through, FEW) >= POROUS:
                 found[layer, place] = standing[place]
     return found
 

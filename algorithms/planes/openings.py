@@ -74,7 +74,9 @@ class PlanesOpenings:
     The points are those of planes.extract, with plane_id. All fronts are looked at, or that of
     `plane`: an upright plane, at least 2.5 m wide and high, and the planes parallel to it within
     `front_depth`. Planes wider than `max_width` are wall, those in the depth of one that is, and
-    panels with the intensity of the wall that have openings of their own.
+    panels with the intensity of the wall that have openings of their own. Bands of windows, with
+    wall above and below, may be wider: what is seen in them sends back less than the wall, or is
+    deeper than `recess`.
 
     Where something stands back from the wall around it, by `min_recess` or what the noise allows,
     is an opening: a pane, a door, goods, a curtain. It has to fill most of a level rectangle, or
@@ -129,7 +131,11 @@ class PlanesOpenings:
         "Least width and height of an opening", default=0.4, unit="m", gt=0, label="Smallest width"
     )
     max_width: float = param(
-        "Largest width of an opening", default=4.0, unit="m", gt=0, label="Largest width"
+        "Largest width of an opening that is no band of windows",
+        default=4.0,
+        unit="m",
+        gt=0,
+        label="Largest width",
     )
     min_points: int = param(
         "Fewest points behind an opening", default=5, unit="1", ge=1, label="Fewest points behind"

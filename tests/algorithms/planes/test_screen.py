@@ -35,6 +35,9 @@ def sides(share: float) -> Floats:
     return np.column_stack([x.ravel() + 0.05, z.ravel(), -away.ravel()])
 
 
+thin = sides(1.0)
+
+
 def seen(before: Floats, hidden: Any = None, metre: float = 1.0) -> Screen:
     """What is told of points before a wall, some of which is not seen."""
     whole = wall()
@@ -66,7 +69,11 @@ def beside_posts(x: Floats, z: Floats) -> Any:
         (np.delete(posts(), np.flatnonzero(np.abs(posts()[:, 1] - 3) < 0.18), axis=0), None),
         (np.vstack([posts(), sides(0.2)]), None),
         (posts(), lambda x, z: beside_posts(x, z) & (z > 3.6)),
-        (net(), lambda x, z: (x > 2) & (x < 8) & (np.floor(z / 0.1) % 3 > 0)),
+        (np.vstack([posts(away=0.3), posts(away=0.5), posts()]), None),
+        (
+            net(),
+            lambda x, z: (x > 2) & (x < 8) & ((np.floor(z / 0.1) % 3 > 0) | (x % 1 < 0.14)),
+        ),
     ],
     ids=[
         "three tubes",
@@ -77,7 +84,8 @@ def beside_posts(x: Floats, z: Floats) -> Any:
         "behind a rail",
         "tied to the wall",
         "wall beside them in the shadow of boards",
-        "a net through which a third of the wall is seen",
+        "rows of tubes behind each other",
+        "a net before tubes through which a third of the wall is seen",
     ],
 )
 def test_a_scaffold_is_told(before: Floats, hidden: Any) -> None:
@@ -97,11 +105,16 @@ def test_a_scaffold_is_told(before: Floats, hidden: Any) -> None:
         (posts(away=0.4), None),
         (np.delete(posts(), np.flatnonzero(np.abs(posts()[:, 1] - 3) < 0.35), axis=0), None),
         (np.vstack([posts(), sides(0.4)]), None),
+        (np.vstack([posts(), thin[np.abs(thin[:, 2] + 0.4) > 0.06]]), None),
         (posts(), lambda x, z: beside_posts(x, z) & (z > 2.4)),
         (net(), lambda x, z: (x > 2) & (x < 8) & (np.floor(z / 0.1) % 10 > 0)),
         (
             np.vstack([net(left, left + 0.6) for left in (1.0, 3.0, 5.0)]),
             lambda x, z: (x % 2 > 1.02) & (x % 2 < 1.58) & (x < 6),
+        ),
+        (
+            np.vstack([net(left, left + 0.6) for left in (1.0, 3.0, 5.0)]),
+            lambda x, z: (x % 2 > 1.29) & (x % 2 < 1.58) & (x < 6),
         ),
     ],
     ids=[
@@ -112,9 +125,11 @@ def test_a_scaffold_is_told(before: Floats, hidden: Any) -> None:
         "pipes",
         "rails and parapets of balconies above each other",
         "joined to the wall as pilasters are",
+        "pilasters whose sides were seen in part",
         "no wall seen beside",
         "another wall with a few windows",
         "pilasters whose sides were not seen",
+        "pilasters behind which wall is seen from beside",
     ],
 )
 def test_what_is_no_scaffold(before: Floats, hidden: Any) -> None:

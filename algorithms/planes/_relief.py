@@ -375,7 +375,8 @@ def _level(part: _Plane, walls: list[_Plane], panes: tuple[float, float], reach:
     """Whether a plane lies in the depth of one that is wall.
 
     What stands back as panes do from the wall beside it is none, though the wall of the next house
-    may lie in its depth.
+    may lie in its depth; what stands farther back is none behind a wall that is wider, as curtains
+    are, while panels lie between pilasters that are narrower.
 
     Parameters
     ----------
@@ -386,7 +387,8 @@ def _level(part: _Plane, walls: list[_Plane], panes: tuple[float, float], reach:
     if (np.abs(back) <= panes[0]).any():
         return True
     level = any(abs(part.depth - wall.depth) <= panes[0] for wall in walls)
-    return level and not ((back > panes[0]) & (back <= panes[1])).any()
+    wider = np.array([wall.size[0] > part.size[0] for wall in walls])
+    return level and not ((back > panes[0]) & ((back <= panes[1]) | wider)).any()
 
 
 def _layer(part: _Plane, parts: list[_Plane], step: float) -> bool:

@@ -68,27 +68,34 @@ def test_panes_are_not_wall_by_others_between_them_and_the_wall() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "beside", "depth", "level"),
+    ("before", "beside", "depth", "wide", "level"),
     [
-        (0.0, 1.5, 0.1, False),
-        (0.0, 0.5, 0.1, True),
-        (0.0, 1.5, 0.5, True),
-        (-9.0, 1.5, 0.1, True),
+        (0.0, 1.5, 0.1, 0.4, False),
+        (0.0, 0.5, 0.1, 0.4, True),
+        (0.0, 1.5, 0.5, 0.4, True),
+        (0.0, 1.5, 0.5, 0.6, False),
+        (-9.0, 1.5, 0.1, 0.4, True),
     ],
-    ids=["a pane", "with wall beside in its depth", "between deep pilasters", "nothing before it"],
+    ids=[
+        "a pane",
+        "with wall beside in its depth",
+        "between deep pilasters",
+        "a curtain",
+        "nothing before it",
+    ],
 )
 def test_what_stands_back_from_the_wall_beside_it_is_none(
-    before: float, beside: float, depth: float, level: bool
+    before: float, beside: float, depth: float, wide: float, level: bool
 ) -> None:
     """Though other wall lies in its depth, far along the front."""
     up = np.linspace(0, 2, 50)
 
-    def strip(left: float, depth: float) -> _Plane:
-        some = np.column_stack([left + up / 4, up, 0 * up + depth])
-        return _Plane(0, depth, 0.003, np.array([0.5, 2.0]), math.nan, math.nan, 0.0, some)
+    def strip(left: float, depth: float, wide: float = 0.5) -> _Plane:
+        some = np.column_stack([left + up / 2 * wide, up, 0 * up + depth])
+        return _Plane(0, depth, 0.003, np.array([wide, 2.0]), math.nan, math.nan, 0.0, some)
 
     part = strip(5.0, depth)
-    walls = [strip(4.4 + before, 0.0), strip(5.5 + beside, depth)]
+    walls = [strip(4.4 + before, 0.0, wide), strip(5.5 + beside, depth)]
     assert _level(part, walls, (0.02, 0.25), 1.0) is level
 
 

@@ -169,7 +169,10 @@ def _neat(relief: Relief, hole: Mask, limits: Limits) -> Gap | None:
     """
     first, left, last, right = box = _fitted(hole, relief.states, _box(hole))
     gap = _judged(relief, hole, box, limits)
-    if gap.dropped or not gap.rectangle or min(gap.beside) < ENCLOSED:
+    wide = (right - left - 1) * relief.side > limits[
+        1
+    ]  # a board: bands are told by what is in them
+    if gap.dropped or wide or not gap.rectangle or min(gap.beside) < ENCLOSED:
         return None
     inside = np.zeros_like(hole)
     inside[first:last, left:right] = True

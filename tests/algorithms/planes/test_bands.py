@@ -127,6 +127,16 @@ def test_a_frieze_is_wall() -> None:
     assert not PlanesOpenings(points=front(1.0, 11.0)).run().openings.frame.width.gt(4.0).any()
 
 
+def test_a_board_in_which_nothing_is_seen_is_no_band() -> None:
+    """With a reveal, as an empty window has: signs above shops are as wide."""
+    cloud = front(0.0, 11.0)
+    x, away = (grid.ravel() for grid in np.meshgrid(np.arange(3, 11, 0.03), [0.05, 0.08]))
+    xyz = np.vstack([cloud.xyz, np.column_stack([x, away, 0 * x + 1.02])])
+    ids = np.append(cloud["plane_id"], np.zeros(len(x), np.int32)).astype(np.int32)
+    out = PlanesOpenings(points=PointCloud(xyz, {"plane_id": ids}, crs=LOCAL)).run()
+    assert out.openings.frame.kind.tolist() == ["door"]
+
+
 @pytest.mark.parametrize(
     ("beside", "height", "told"),
     [((0, 0.8, 0, 0.9), 1.5, True), ((1, 0.7, 1, 1), 1.5, False), ((1, 1, 1, 1), 2.1, False)],

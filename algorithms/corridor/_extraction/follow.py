@@ -361,6 +361,39 @@ def is_arm(wire: Wire, supports: Sequence[Support]) -> bool:
     return False
 
 
+def without_bars(
+    wires: Sequence[Wire], supports: Sequence[Support]
+) -> tuple[list[Wire], list[Support]]:
+    """The wires but for bars of towers, and the supports as high as the wires that they hold.
+
+    Bars of tall lattices are as long as spans may be, straight, and beside each other. They do not
+    leave the tower, which is as wide as at the corners of its foot. Wires that end in it are its.
+    """
+    place = np.array([(one.x, one.y) for one in supports]).reshape(-1, 1, 1, 2)
+    height = np.array([one.high - one.ground for one in supports])
+    ends = np.array([wire.curve.ends[:, :2] for wire in wires]).reshape(-1, 2, 2)
+    corner = math.sqrt(2) * SETTINGS.towers.splay_lattice * height
+    amid = np.hypot(*np.moveaxis(ends - place, 3, 0)) < corner[:, None, None]
+    bars = amid.all(axis=2).any(axis=0)
+    if not bars.any():
+        return list(wires), list(supports)
+    towers = amid.all(axis=2).any(axis=1)
+    kept: list[Wire] = []
+    held: dict[int, list[float]] = {number: [] for number in np.flatnonzero(towers).tolist()}
+    for k in np.flatnonzero(~bars).tolist():
+        own = list(wires[k].supports)
+        for end, number in itertools.product((0, 1), held):
+            if own[end] == -1 and amid[number, k, end]:
+                own[end] = number
+            if own[end] == number:
+                held[number].append(wires[k].curve.ends[end, 2])
+        kept.append(replace(wires[k], supports=(own[0], own[1])))
+    return kept, [
+        replace(one, low=min(held[k]), high=max(held[k])) if held.get(k) else one
+        for k, one in enumerate(supports)
+    ]
+
+
 def is_guy(wire: Wire, supports: Sequence[Support]) -> bool:
     """Whether an end of a wire is so near to the ground that it is tied there, as of a mast."""
     ends = zip(wire.supports, wire.curve.ends[:, 2], strict=True)
@@ -569,7 +602,7 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
     wires, supports = numbered_anew(lines)
     wires, supports = shared(wires, all_centred(corridor, wires, supports))
     wires = [w for w in wires if not (is_arm(w, supports) or is_guy(w, supports))]
-    wires, supports = along_the_line(wires, supports)
+    wires, supports = along_the_line(*without_bars(wires, supports))
     wires = [to_supports(wire, supports) for wire in wires]
     wires, strip = parted(corridor, wires, [strip_of(corridor, wire) for wire in wires])
     return numbered(wires, supports, in_two_positions(wires, strip), strip), supports

@@ -47,7 +47,7 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
-from algorithms.corridor._extraction.follow import is_arm, is_guy
+from algorithms.corridor._extraction.follow import is_arm, is_guy, without_bars
 from algorithms.corridor._extraction.labels import none_labelled
 from algorithms.corridor._extraction.missed import (
     conductor_counts,
@@ -1409,6 +1409,26 @@ def test_a_part_of_an_arm_is_no_wire(
     curve = wire((0, 2, 10), end, 300)[0]
     tower = Support(0.0, 0.0, (0.0, 1.0), (-10.0, 10.0), 9.0, 11.0, 0.0, 1.0)
     assert is_arm(Wire(curve, supports, (0.0, curve.length), 0.25), [tower]) == is_one
+
+
+@pytest.mark.parametrize(("corner", "is_bar"), [(16.9, True), (17.1, False)])
+def test_bars_of_a_tower_are_no_wires_and_those_that_end_in_it_are_its(
+    corner: float, is_bar: bool
+) -> None:
+    """A lattice of 182 m had 80 of them, and its wires ended in the air (mountain, seed 375)."""
+    ends = [((-9, 9, 40), (corner, 0, 42)), ((300, 0, 95), (2, 0, 99)), ((300, 5, 95), (20, 5, 98))]
+    curves = [wire(*some, 2000)[0] for some in ends]
+    wires = [
+        Wire(curve, (-1, -1), (0.0, curve.length), 0.25, span=k) for k, curve in enumerate(curves)
+    ]
+    tower = Support(0.0, 0.0, (0.0, 1.0), (-10.0, 10.0), 40.0, 100.0, 0.0, 1.0)
+    kept, (support,) = without_bars(wires, [tower])
+    if is_bar:
+        assert [(one.span, one.supports) for one in kept] == [(1, (-1, 0)), (2, (-1, -1))]
+        assert (support.low, support.high) == pytest.approx((99, 99))
+    else:
+        assert kept == wires
+        assert support == tower
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,7 @@ FREE = 0.75  # share of its sides that must have ground beside; an annexe has a 
 EDGE = 0.75  # metres inside of an outline where pulses pass roofs and meet the ground
 SEEN = 0.1  # share of ground among the points within that no roof has
 TURNS = 9  # directions of a row that are tried: between two its ends move half a point spacing
+LINE = 1.0  # metres of a line of ground, at least: of ground below an eave 0.7 m were seen
 FEWEST = 2  # points on the ground that may be an accident
 STRIP = 1 / 3  # share of ground in a strip without an inside: more among wires, not beside walls
 LOWEST = 0.3  # metres above the ground, from which on bodies are looked at
@@ -222,23 +223,27 @@ def in_rows(shapes: Shapes, seen: Floats, features: PointFeatures, spacing: floa
         off = np.linspace(-1, 1, TURNS) * 2 * spacing / np.hypot(*sides.T).max()
         ways = [np.arctan2(y, x) + turn for x, y in sides for turn in off]
         turned = (xy @ [[np.cos(way), -np.sin(way)], [np.sin(way), np.cos(way)]] for way in ways)
-        widest = min(_widest(place, ground, spacing / 2) for place in turned)
+        least = LINE * features.cloud.metre
+        widest = min(_widest(place, ground, spacing / 2, least) for place in turned)
         found[k] = widest <= WIDEST * features.cloud.metre
     return found
 
 
-def _widest(xy: Floats, ground: Mask, strip: float) -> float:
-    """Width of the widest run of strips along y in which most points of a half are not ground.
+def _widest(xy: Floats, ground: Mask, strip: float, least: float) -> float:
+    """Width of the widest run of strips along y that no line of ground is in.
 
-    A few points of ground below an eave part nothing.
+    Most points of a line are ground, and these reach over a least length: less is seen of the
+    ground below an eave.
     """
     across, along = xy.T
     number = np.floor(across / strip).astype(np.int64)
     number -= number.min()
-    half = along > (along.min() + along.max()) / 2
-    more = np.bincount(2 * number + half, 2.0 * ground - 1, 2 * number.max() + 2).reshape(-1, 2)
-    lines = np.flatnonzero((more > 0).all(axis=1))
-    return float(np.diff(np.concatenate([[-1], lines, [len(more)]])).max() - 1) * strip
+    count = np.bincount(number)
+    low, high = np.full(len(count), np.inf), np.full(len(count), -np.inf)
+    np.minimum.at(low, number[ground], along[ground])
+    np.maximum.at(high, number[ground], along[ground])
+    lines = np.flatnonzero((2 * np.bincount(number, ground) > count) & (high - low >= least))
+    return float(np.diff(np.concatenate([[-1], lines, [len(count)]])).max() - 1) * strip
 
 
 def are_narrow(shapes: Shapes, metre: float) -> Mask:

@@ -297,6 +297,7 @@ class ClassifyBuildings:
                 lengths.spacing / metre,
             )
         features = self._features(part, lengths, ctx.part(0.0, 0.55))
+        self._warn_of_no_height(features, lengths)
         roof = self._roof(features, lengths, ctx.part(0.55, 0.6))
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))
         shapes, trees = self._buildings(features, planes, lengths, ctx.part(0.65, 0.75))
@@ -336,6 +337,20 @@ class ClassifyBuildings:
         )
         features.warn_without_returns("dense crowns may be taken for roofs")
         return features
+
+    def _warn_of_no_height(self, features: _evidence.PointFeatures, lengths: Lengths) -> None:
+        """Tell that points too far from any ground are no building, as the middle of a hall."""
+        ground, height = features.terrain
+        lost = np.flatnonzero(~ground & np.isnan(height))
+        if len(lost) * lengths.spacing**2 >= self.smallest:
+            x, y, _ = features.xyz[lost[len(lost) // 2]]
+            log.warning(
+                "points without a height, as no ground is known near them, so that none is "
+                "building: %d, one at %.1f, %.1f; the middle of a hall, a wood, or water",
+                len(lost),
+                x,
+                y,
+            )
 
     def _roof(self, features: _evidence.PointFeatures, lengths: Lengths, ctx: Context) -> Mask:
         """True for points that look like a roof, and are of no vehicle."""

@@ -60,12 +60,12 @@ class GroundClassify:
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
     max_building_size: float = param(
-        "Longest side of the largest hall along the axes; tiles look 100 m farther",
+        "Longest hall along the axes; islands between cliffs and the like, up to it, are no ground either",
         default=float(WIDEST),
         unit="m",
         ge=WIDEST,
         le=LOOKED_AT,
-        label="Widest building",
+        label="Longest building",
     )
     heights: bool = param(
         "Also give the attribute HeightAboveGround, measured from the terrain",
@@ -81,7 +81,9 @@ class GroundClassify:
             "The same points, class 2 on ground, 1 elsewhere, confidence", label="Classified points"
         )
         ground: PointCloud = parameters.ground_points()
-        surface: Raster = sink("Elevation of the terrain, smoothed, empty beyond 50 m from ground")
+        surface: Raster = sink(
+            "Elevation of the terrain, smoothed, empty 80 m and more from ground"
+        )
         ground_share: float = parameters.ground_share()
 
         def in_words(self) -> str:
@@ -104,14 +106,14 @@ class GroundClassify:
             raise candidates.nothing_to_do(none, surface=None)
         terrain = find_terrain(
             candidates.xyz,
-            widest=self.max_building_size,
+            widest=self.max_building_size / cloud.metre,
             metre=cloud.metre,
             ctx=ctx.part(0, 0.95),
         )
         ground, clear = verdict(candidates.xyz, terrain)
         tell_of_ground(candidates.xyz, ground, cloud.metre)
         inner = candidates.xyz[ground & cloud.core[candidates.chosen]]
-        _tell_of_wide(inner, terrain, self.max_building_size)
+        _tell_of_wide(inner, terrain, self.max_building_size / cloud.metre)
         classified = self._classified(candidates, ground, clear, terrain)
         ctx.progress(1.0)
         return self.Outputs(
@@ -153,4 +155,5 @@ def _tell_of_wide(ground: NDArray[np.float64], terrain: Terrain, widest: float) 
     if terrain.wide.any():
         there = np.zeros(terrain.wide.size, bool)
         there[cells_of(ground, terrain.lattice)] = True
-        tell_of_wide(terrain.wide & there.reshape(terrain.wide.shape), terrain.lattice, widest)
+        seen = terrain.wide * there.reshape(terrain.wide.shape)
+        tell_of_wide(seen, terrain.lattice, widest)

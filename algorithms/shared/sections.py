@@ -32,7 +32,7 @@ Mask = NDArray[np.bool_]
 Sides = NDArray[np.int32]
 
 
-def raised_sections(z: Cells, slope: float, widest: float = WIDEST) -> tuple[Mask, Mask]:
+def raised_sections(z: Cells, slope: float, widest: float = WIDEST) -> tuple[Mask, Cells]:
     """Cells of sections that are bounded by steps down, and of those that are too wide for that.
 
     Nearly all of the border of a roof that is seen is a step down; of terraces some of it leads on
@@ -51,7 +51,8 @@ def raised_sections(z: Cells, slope: float, widest: float = WIDEST) -> tuple[Mas
 
     Returns
     -------
-    arrays of shape (rows, cols)
+    arrays of shape (rows, cols): true in sections that are raised; and in those that are too wide
+    for it the cells of `widest` that would take them for raised, 0 elsewhere
 
     Examples
     --------
@@ -61,16 +62,16 @@ def raised_sections(z: Cells, slope: float, widest: float = WIDEST) -> tuple[Mas
     >>> int(raised.sum()), bool(wide.any())
     (400, False)
     """
-    raised, wide = np.zeros(z.shape, bool), np.zeros(z.shape, bool)
+    raised, needed = np.zeros(z.shape, bool), np.zeros(z.shape, np.float32)
     for rise in (LEVEL, slope + DROP):
         found, too_wide = _bounded_by_steps(z, rise, slope, widest)
         raised |= found
-        wide |= too_wide
-    return raised, wide & ~raised
+        needed = np.maximum(needed, too_wide)
+    return raised, np.where(raised, np.float32(0), needed)
 
 
-def _bounded_by_steps(z: Cells, rise: float, slope: float, widest: float) -> tuple[Mask, Mask]:
-    """Cells of sections that are raised, and of those that are too wide to be called so.
+def _bounded_by_steps(z: Cells, rise: float, slope: float, widest: float) -> tuple[Mask, Cells]:
+    """Cells of sections that are raised, and how wide roofs must be for too wide ones to be so.
 
     A section is cells beside each other whose heights differ by at most `rise`.
     """
@@ -86,17 +87,21 @@ def _bounded_by_steps(z: Cells, rise: float, slope: float, widest: float) -> tup
     number[first[extent > LOOKED_AT]] = -1
     raised, sides = np.zeros(z.size, bool), np.empty((len(first), 8), np.int32)
     depth, sure = np.empty(len(first)), raised
+    needed = np.zeros(z.size, np.float32)
     for wide in (False, True):  # and then what would follow from those that are too wide
         found, sure = np.ones(1, bool), raised.copy()
         while found.any():
             kernels.borders(z, parent, number, raised, slope, DROP, sides, depth)
-            cut = (sides[:, 4:].sum(axis=1) > GAPS) & (size[first] > CUT * widest**2)
+            cut = sides[:, 4:].sum(axis=1) > GAPS
+            must = np.maximum(extent, np.where(cut, np.sqrt(size[first] / CUT), 0))
             low = (size[first] > WIDE) & (depth < STOREY * sides[:, 2])
-            found = falls_off(sides) & ~low & (wide | (extent <= widest) & ~cut)
+            found = falls_off(sides) & ~low & (wide | (must <= widest))
             raised[first[found]] = True
             number[first[found]] = -1
+            needed[first[found]] = np.ceil(must[found])
+    needed[sure] = 0
     owner, there = parent.reshape(z.shape), there.reshape(z.shape)
-    return there & sure[owner], there & (raised & ~sure)[owner]
+    return there & sure[owner], np.where(there, needed[owner], 0)
 
 
 def falls_off(sides: Sides) -> Mask:
@@ -124,36 +129,39 @@ def falls_off(sides: Sides) -> Mask:
     )
 
 
-def tell_of_wide(cells: Mask, lattice: Lattice, widest: float = WIDEST) -> None:
+def tell_of_wide(needed: Cells, lattice: Lattice, widest: float = WIDEST) -> None:
     """Warn of ground in sections that end in steps down, and are too wide to be called raised.
 
     Parameters
     ----------
-    cells : array of shape (rows, cols), true where such ground is
+    needed : array of shape (rows, cols), the metres that roofs must be wide where such ground is,
+        see :func:`raised_sections`, 0 elsewhere
     lattice : of the cells
     widest : metres from end to end of what was looked for
 
     Examples
     --------
-    >>> tell_of_wide(np.zeros((40, 40), bool), Lattice(0.0, 40.0, 1.0, 40, 40))
+    >>> tell_of_wide(np.zeros((40, 40), np.float32), Lattice(0.0, 40.0, 1.0, 40, 40))
     """
-    if not cells.any():
+    if not needed.any():
         return
-    places = binary_closing(np.pad(cells, 2), np.ones((5, 5), bool))[2:-2, 2:-2]  # over empty cells
+    places = binary_closing(np.pad(needed > 0, 2), np.ones((5, 5), bool))[
+        2:-2, 2:-2
+    ]  # over empty cells
     number, count = label(places)
-    longest = max(max(r.stop - r.start, c.stop - c.start) for r, c in find_objects(number))
     size = np.bincount(number[places])[1:]
     spots = np.argwhere(number == size.argmax() + 1)
     row, col = spots[np.hypot(*(spots - spots.mean(axis=0)).T).argmin()]
     log.warning(
         "places that end in steps down on all sides that are seen, but are wider than %d m or cut "
         "by the end of the data, are taken for ground: %d, the largest of about %d m2 at %.0f, "
-        "%.0f, the longest of %d m. They are halls or terraces; with max_building_size of "
-        "ground.classify as long as a hall its roof is no ground",
+        "%.0f. They are halls or terraces. With a max_building_size of %d m none of these is ground, "
+        "and it may be %d at most; in tiles more may be needed",
         widest,
         count,
         size.max(),
         lattice.west + (col + 0.5) * lattice.cell,
         lattice.north - (row + 0.5) * lattice.cell,
-        longest,
+        needed.max(),
+        LOOKED_AT,
     )

@@ -85,7 +85,7 @@ TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; p
 BEYOND = 100.0  # metres; so far from a hall that the edge of a tile parts, labels are right
 KNOWN_HALO = 200.0  # metres, of ground that is known
 BYTES_PER_CELL = 115  # at most at one time; sections of cells and their borders take most
-FAR = 50.0  # metres from any ground, where the surface ends
+FAR = 10.0  # metres beyond half of the longest building: so far from any ground the surface ends
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.float32]
@@ -98,13 +98,14 @@ class Terrain:
 
     Attributes
     ----------
-    heights : array of shape (rows, cols), in metres, NaN beyond FAR from any ground
+    heights : array of shape (rows, cols), in metres, NaN too far from any ground
     bend : array of the same shape, how far they follow edges off a smooth surface, in metres
     tolerance : array of shape (2, rows / 8, cols / 8), how far ground may lie above the terrain:
         metres on level ground, and metres more per slope; the most where all points are ground
     lowest : array of shape (rows, cols), height of the lowest point of each cell, in metres
     ground : array of the same shape, where that is a point of the ground
-    wide : array of the same shape, ground that may be wide roofs: it ends in steps down
+    wide : array of the same shape, how long buildings must be, in metres, for ground that ends in
+        steps down to be roofs, 0 elsewhere
     lattice : cells of a metre, in the unit of the coordinates
     metre : length of one metre in that unit
 
@@ -121,7 +122,7 @@ class Terrain:
     tolerance: Floats
     lowest: Cells
     ground: NDArray[np.bool_]
-    wide: NDArray[np.bool_]
+    wide: Cells
     lattice: Lattice
     metre: float
 
@@ -181,7 +182,7 @@ def find_terrain(
     bend = np.zeros_like(heights)
     add_planes(bend, z - heights, ground.astype(np.float32), BENDING, STIFF, ctx.part(0.95, 1.0))
     heights += bend
-    heights[distance_transform_edt(~candidates) > FAR] = np.nan
+    heights[distance_transform_edt(~candidates) > widest / 2 + FAR] = np.nan
     tolerance = np.empty((2, *share.shape))
     tolerance[0], tolerance[1] = TOLERANCE, SLOPE_TOLERANCE
     terrain = Terrain(heights, bend, tolerance, z, ground, wide, lattice, metre)
@@ -195,7 +196,7 @@ def find_terrain(
 
 def _through_ground(
     z: Cells, ctx: Context, *, known: bool, mistakes: bool, widest: float
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Floats]:
+) -> tuple[NDArray[np.bool_], Cells, Floats]:
     """The cells whose lowest point may be ground, wide places among them, and a robust surface.
 
     Parameters
@@ -208,12 +209,12 @@ def _through_ground(
     if known:
         heights = robust_surface(z, has, FINE, STIFF, ctx.part(0.0, 0.25), rounds=rounds)
         if not mistakes or not (doubted := among_mistaken(z, heights)).any():
-            return has, ~has, heights
+            return has, np.zeros_like(z), heights
     ground = ground_cells(z, ctx.part(0.25 if known else 0.0, 0.75))
     raised, wide = raised_sections(z, STEP_SLOPE, widest)
     candidates = has & (ground & ~raised | ~doubted)
     surface = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.75, 1.0), rounds=rounds)
-    return candidates, candidates & wide, surface
+    return candidates, candidates * wide, surface
 
 
 def among_mistaken(z: Cells, surface: Floats) -> NDArray[np.bool_]:

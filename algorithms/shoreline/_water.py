@@ -65,8 +65,7 @@ LEAST_SIDE = 0.1  # of a lake, at a level of its own: as much as two levels are 
 BESIDE = 3  # cells: two places so close meet, as the median of heights hides the step between
 ABRUPT = 0.75  # of a step from water to a level place: height of the cells beside the water
 SURROUNDED = 0.25  # share of the rim of a water without a shore that has points
-LOWEST = 5, 25  # per cent of what is beside a water: shores and walls, without crowns and errors
-UNLEVEL = 5.0  # m between these, where there is no water: beside rivers it is 1.3, beside a gap 37
+HILLSIDE = 25.0  # m, of half of what is beside a gap: more than crowns and most walls are high
 NARROW = 4  # cells: narrower waters are often lost, see docs/explanation/shoreline.md
 APART = BESIDE + NARROW  # cells: no water that could be told lies between two so close
 NEEDED = 100  # points of land that a water covers; of smaller ones most were lost
@@ -233,10 +232,12 @@ def _without_gaps(cells: CellGrid, found: Sequence[Water], steep: Sequence[Water
     if gaps:
         log.warning(
             "points: gaps of the data that are left out: %d; they fall by more than %.0f %%, as "
-            "hillsides do, or end on land, or have no shore at one level: "
+            "hillsides do, or end on land, or have no shore, or half of what is beside them is more "
+            "than %g m above their lowest shore: "
             "%s",
             len(gaps),
             100 * STEEPEST,
+            HILLSIDE,
             some_of([_spot(cells, one.body.cells) for one in gaps]),
         )
     return kept
@@ -264,20 +265,16 @@ def _is_steep(cells: CellGrid, water: Water) -> bool:
 
 
 def _is_gap(cells: CellGrid, water: Water) -> bool:
-    """Whether a place is steep, ends on land, or has no shore at one level or no data around."""
+    """Whether a place is steep, ends on land, or has no shore or no data around."""
     if "class" in water.body.evidence:
         return False
     if _is_steep(cells, water):
         return True
     if water.fall and water.body.few and _ends_on_land(cells, water.body, _tilt(cells, water)):
         return True
-    if _hidden(cells, water) == 0:
-        return False
-    heights = cells.low.ravel()[around(cells.lattice, water.body.cells, 1)]
-    seen = heights[np.isfinite(heights)]
-    if len(seen) < SURROUNDED * len(heights):
-        return True
-    return bool(np.ptp(np.percentile(seen, LOWEST)) > UNLEVEL * cells.metre)
+    hidden = _hidden(cells, water)
+    beside = cells.count.ravel()[around(cells.lattice, water.body.cells, 1)] > 0
+    return bool(hidden > 0 and beside.mean() < SURROUNDED) or hidden > HILLSIDE * cells.metre
 
 
 def _ends_on_land(cells: CellGrid, body: Body, tilt: Tilt) -> bool:

@@ -21,10 +21,10 @@ from algorithms.classify._crowns import crowns
 from algorithms.classify._density import Lengths
 from algorithms.classify._doubtful_heights import warn_of_doubtful_heights
 from algorithms.classify._evidence import PointFeatures
-from algorithms.classify._outlines import margin, within_data
+from algorithms.classify._outlines import TOUCHING, margin, within_data
 from algorithms.classify._refused import warn_of_lost
 from algorithms.classify._squared import main_direction, squared
-from algorithms.classify.buildings import ClassifyBuildings, on_planes
+from algorithms.classify.buildings import ClassifyBuildings, confidences, on_planes
 from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
 from algorithms.samples.scene import SamplesScene
@@ -68,6 +68,37 @@ def village(
         "truth": truth.astype(np.uint8),
     }
     return PointCloud(xyz, attributes, crs=UTM, name="village.laz")
+
+
+def hall(side: float) -> PointCloud:
+    """A square hall, 8 m high, with a point per square metre and 20 m of ground around."""
+    x, y = np.indices((round(side) + 40,) * 2).reshape(2, -1).astype(float)
+    roof = (abs(x - side / 2 - 20) < side / 2) & (abs(y - side / 2 - 20) < side / 2)
+    z = 100 + 8.0 * roof + np.random.default_rng(1).normal(0, 0.02, len(x))
+    classes = {"classification": np.where(roof, 1, 2).astype(np.uint8)}
+    return PointCloud(np.column_stack([x, y, z]), classes, crs=UTM)
+
+
+@pytest.mark.parametrize(("side", "whole"), [(150.0, True), (180.0, False)])
+def test_the_middle_of_a_hall_is_building_or_told(
+    side: float, whole: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Beyond 50 m from ground there were no heights, and a hole of 747 m2 in a hall of 135 m."""
+    found = ClassifyBuildings(points=hall(side)).run()
+    (outline,) = found.outlines.frame.geometry
+    assert (len(outline.interiors) == 0) == whole
+    assert ("points without a height" in caplog.text) == (not whole)
+
+
+def test_the_confidence_of_an_outline_through_all_of_its_points_is_a_number() -> None:
+    points = hall(10.0)
+    features = PointFeatures(points, 1.0, 3.0, ground_classes=(2,))
+    roof = points["classification"] == 1
+    x, y = points.xyz[roof, :2].T
+    flat = points.xyz[:, 2] > 0
+    beside = shapely.box(x[0] + TOUCHING / 2, y[0] + TOUCHING / 2, x[0] + 0.5, y[0] + 0.5)
+    (sure,) = confidences(np.array([beside]), features, flat)
+    assert sure == 1.0
 
 
 @pytest.mark.parametrize(("density", "told"), [(0.25, True), (0.5, False)])

@@ -136,7 +136,7 @@ def test_a_row_is_parted_though_its_outline_is_a_little_turned(degrees: float) -
     assert in_rows(turned, ground_seen(turned, hall), hall, 0.35).tolist() == [False]
 
 
-@pytest.mark.parametrize(("begin", "parted"), [(0.0, True), (5.0, False)])
+@pytest.mark.parametrize(("begin", "parted"), [(0.0, True), (6.9, True), (7.0, False)])
 def test_a_few_points_of_ground_at_an_eave_part_no_roof(begin: float, parted: bool) -> None:
     """Points at the corners of a raster: between its columns there is nothing but the ground."""
     x, y = np.indices((121, 121)).reshape(2, -1) / 10

@@ -1007,11 +1007,19 @@ def test_halls_that_are_too_long_are_told_if_they_are_ground(
     assert ("end in steps down" in caplog.text) == told
     if told:
         assert 160 * wide == pytest.approx(float(caplog.text.split("about ")[1].split()[0]), 0.05)
-        assert "longest of 160 m" in caplog.text
+        assert "With a max_building_size of 160 m none of these is ground" in caplog.text
     caplog.clear()
     longer = GroundClassify(points=points, max_building_size=160).run()
     assert not (longer.classified["classification"] == 2)[hall].any()
     assert not caplog.records
+    feet = points.with_xyz(points.xyz / FOOT).with_crs(CRS("EPSG:2992+8228"))
+    for size in (140, 160):
+        given, same = (
+            GroundClassify(points=one, max_building_size=size).run().classified["classification"]
+            for one in (feet, points)
+        )
+        assert (given == same).mean() > 0.999
+    caplog.clear()
     halo = points.with_origin(np.where(hall, -1, 1) * (1 + np.arange(len(points))))
     GroundClassify(points=halo).run()
     assert not caplog.records, "the hall is that of another tile"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -112,7 +114,7 @@ def test_wider_ones_are_no_roofs(widest: int) -> None:
     z[20 + widest, 20:100] = 5.0
     found, wide = raised_sections(z.astype(np.float32), STEP, widest)
     assert not found.any()
-    assert (wide == (z > 0)).all()
+    assert (wide == np.where(z > 0, widest + 1, 0)).all()
 
 
 @pytest.mark.parametrize("widest", [WIDEST, 180])
@@ -124,7 +126,7 @@ def test_large_ones_at_the_end_of_the_data_are_no_roofs(widest: int) -> None:
     z[rows, :100] = 5.0
     found, wide = raised_sections(z.astype(np.float32), STEP, widest)
     assert not found.any()
-    assert (wide == (z > 0)).all()
+    assert (wide == np.where(z > 0, math.ceil(math.sqrt(100 * (rows + 1) / CUT)), 0)).all()
 
 
 def test_of_teeth_that_are_too_wide_all_are_told() -> None:
@@ -133,18 +135,18 @@ def test_of_teeth_that_are_too_wide_all_are_told() -> None:
     z[20 : WIDEST + 40, 10:70] = 5.0 + 0.25 * (np.arange(60) % 12)
     found, wide = raised_sections(z.astype(np.float32), STEP)
     assert not found.any()
-    assert (wide == (z > 0)).all()
+    assert (wide == np.where(z > 0, WIDEST + 20, 0)).all()
 
 
 def test_the_largest_wide_place_is_told_by_a_cell_of_it(caplog: pytest.LogCaptureFixture) -> None:
     """A ring has its mean in its court. Cells without data part no place, and count."""
-    cells = np.zeros((100, 200), bool)
-    cells[10:40, 10:40], cells[15:35, 15:35] = True, False
-    cells[50:60, 10:30] = True
-    cells[::7] = False
+    cells = np.zeros((100, 200), np.float32)
+    cells[10:40, 10:40], cells[15:35, 15:35] = 160, 0
+    cells[50:60, 10:30] = 180
+    cells[::7] = 0
     tell_of_wide(cells, Lattice(1000.0, 2000.0, 1.0, *cells.shape))
     area, rest = caplog.text.split("ground: 2, the largest of about ")[1].split(" m2 at ")
     assert float(area) == pytest.approx(500, rel=0.1)
-    assert "the longest of 30 m" in rest
-    x, y = (float(word.strip(",")) for word in rest.split(" ")[:2])
+    assert "With a max_building_size of 180 m none of these is ground" in rest
+    x, y = (float(word.strip(",.")) for word in rest.split(" ")[:2])
     assert 10 <= x - 1000 <= 15 or 25 <= x - 1000 <= 40 or 10 <= 2000 - y <= 15

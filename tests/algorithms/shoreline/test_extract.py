@@ -639,16 +639,34 @@ def test_a_sea_dam_of_which_two_points_in_a_hundred_are_left(
 
 
 def test_a_wide_gap_beside_hills_is_no_lake(caplog: pytest.LogCaptureFixture) -> None:
-    """A missing strip was a lake of 8 ha, with an interval of 18 m. One point on 12 m2."""
+    """A missing strip was a lake of 6 ha, with an interval of 175 m. One point on 12 m2."""
     rng = np.random.default_rng(1)
     x, y = rng.uniform((0, 0), (900, 500), (36_000, 2)).T
-    z = 280 + 20 * np.sin(x / 150) + 0.05 * (y - 250) + rng.normal(0, 0.05, len(x))
+    z = 280 + 100 * np.sin(x / 150) + 0.05 * (y - 250) + rng.normal(0, 0.05, len(x))
     seen = abs(y - 250 - 5 * np.sin(x / 90)) > 45
     xyz = np.column_stack([x, y, z])[seen] + (500_000, 5_000_000, 0)
     single = np.zeros(len(xyz), bool)
     points = PointCloud(xyz, columns(np.full(len(xyz), 500, np.uint16), single), crs=UTM)
     assert extract(points, bodies="all", sloped=True).count == 0
-    assert "have no shore at one level: about 79000 m2" in caplog.text
+    assert "more than 25 m above their lowest shore: about" in caplog.text
+
+
+@pytest.mark.parametrize(("wall", "count"), [(24.0, 1), (26.5, 0)])
+def test_a_quarry_lake_with_a_beach_has_walls_that_are_lower_than_hillsides(
+    wall: float, count: int
+) -> None:
+    """A lake of 1.1 ha that returns nothing; an eighth of its shore is a beach."""
+    rng = np.random.default_rng(2)
+    x, y = rng.uniform(-150, 150, (180_000, 2)).T
+    land = np.hypot(x, y) > 60
+    beach = (abs(np.arctan2(y, x)) < np.pi / 8) & (np.hypot(x, y) < 65)
+    z = np.where(beach, 100.1 + 0.2 * (np.hypot(x, y) - 60), 100 + wall) + rng.normal(
+        0, 0.03, len(x)
+    )
+    xyz = np.column_stack([x, y, z])[land] + (500_000, 5_000_000, 0)
+    single = np.zeros(len(xyz), bool)
+    points = PointCloud(xyz, columns(np.full(len(xyz), 500, np.uint16), single), crs=UTM)
+    assert extract(points, bodies="all").count == count
 
 
 def test_what_is_not_seen_amid_a_river_tells_nothing_of_its_slopes() -> None:

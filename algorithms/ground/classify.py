@@ -60,7 +60,7 @@ class GroundClassify:
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
     max_building_size: float = param(
-        "Longest hall along the axes; islands between cliffs and the like, up to it, are no ground either",
+        "Longest hall along the axes; islands between cliffs up to it are no ground, either",
         default=float(WIDEST),
         unit="m",
         ge=WIDEST,

@@ -232,9 +232,8 @@ def _without_gaps(cells: CellGrid, found: Sequence[Water], steep: Sequence[Water
     if gaps:
         log.warning(
             "points: gaps of the data that are left out: %d; they fall by more than %.0f %%, as "
-            "hillsides do, or end on land, or have no shore, or half of what is beside them is more "
-            "than %g m above their lowest shore: "
-            "%s",
+            "hillsides do, or end on land, or have no shore, or half of what is beside them is "
+            "more than %g m above their lowest shore: %s",
             len(gaps),
             100 * STEEPEST,
             HILLSIDE,

@@ -274,8 +274,8 @@ def test_far_from_all_points_there_is_no_terrain() -> None:
     x, y = terrain.lattice.centres()
     known = np.isfinite(terrain.heights[abs(y - NORTH - 10) < 5])
     x = x - EAST
-    assert known[:, (x < 60) & (x > -20)].all()
-    assert not known[:, (x > 75) & (x < 440)].any()
+    assert known[:, (x < 95) & (x > -20)].all()
+    assert not known[:, (x > 105) & (x < 415)].any()
 
 
 # Verdict and confidence

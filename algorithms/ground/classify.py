@@ -44,7 +44,7 @@ class GroundClassify:
 
     Ground becomes class 2, all else class 1. Nothing has to be set: the filter takes sparse and
     dense data, cities, forests, slopes and quarries alike. Only halls longer than 140 m need
-    `max_building_size`; a warning says where there may be some. The attribute `confidence` says
+    `longest_building`; a warning says where there may be some. The attribute `confidence` says
     from 0 to 1 how far a point is from the other verdict, so that the doubtful ones can be looked
     at.
 
@@ -59,7 +59,7 @@ class GroundClassify:
     returns: Returns = parameters.ground_returns()
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
-    max_building_size: float = param(
+    longest_building: float = param(
         "Longest hall along the axes; islands between cliffs up to it are no ground, either",
         default=float(WIDEST),
         unit="m",
@@ -95,7 +95,7 @@ class GroundClassify:
 
     def halo(self) -> float:
         """Distance beyond which the terrain does not change labels; measured, see the page."""
-        return self.max_building_size + BEYOND
+        return self.longest_building + BEYOND
 
     def run(self, ctx: Context = QUIET) -> GroundClassify.Outputs:
         """Find the terrain, and compare the points with it."""
@@ -106,14 +106,14 @@ class GroundClassify:
             raise candidates.nothing_to_do(none, surface=None)
         terrain = find_terrain(
             candidates.xyz,
-            widest=self.max_building_size / cloud.metre,
+            widest=self.longest_building / cloud.metre,
             metre=cloud.metre,
             ctx=ctx.part(0, 0.95),
         )
         ground, clear = verdict(candidates.xyz, terrain)
         tell_of_ground(candidates.xyz, ground, cloud.metre)
         inner = candidates.xyz[ground & cloud.core[candidates.chosen]]
-        _tell_of_wide(inner, terrain, self.max_building_size / cloud.metre)
+        _tell_of_wide(inner, terrain, self.longest_building / cloud.metre)
         classified = self._classified(candidates, ground, clear, terrain)
         ctx.progress(1.0)
         return self.Outputs(

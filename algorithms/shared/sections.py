@@ -155,7 +155,7 @@ def tell_of_wide(needed: Cells, lattice: Lattice, widest: float = WIDEST) -> Non
     log.warning(
         "places that end in steps down on all sides that are seen, but are wider than %d m or cut "
         "by the end of the data, are taken for ground: %d, the largest of about %d m2 at %.0f, "
-        "%.0f. They are halls or terraces. With a max_building_size of %d m none of these is "
+        "%.0f. They are halls or terraces. With a longest_building of %d m none of these is "
         "ground, and it may be %d at most; in tiles more may be needed",
         widest,
         count,

@@ -1007,15 +1007,15 @@ def test_halls_that_are_too_long_are_told_if_they_are_ground(
     assert ("end in steps down" in caplog.text) == told
     if told:
         assert 160 * wide == pytest.approx(float(caplog.text.split("about ")[1].split()[0]), 0.05)
-        assert "With a max_building_size of 160 m none of these is ground" in caplog.text
+        assert "With a longest_building of 160 m none of these is ground" in caplog.text
     caplog.clear()
-    longer = GroundClassify(points=points, max_building_size=160).run()
+    longer = GroundClassify(points=points, longest_building=160).run()
     assert not (longer.classified["classification"] == 2)[hall].any()
     assert not caplog.records
     feet = points.with_xyz(points.xyz / FOOT).with_crs(CRS("EPSG:2992+8228"))
     for size in (140, 160):
         given, same = (
-            GroundClassify(points=one, max_building_size=size).run().classified["classification"]
+            GroundClassify(points=one, longest_building=size).run().classified["classification"]
             for one in (feet, points)
         )
         assert (given == same).mean() > 0.999
@@ -1043,7 +1043,7 @@ def test_a_tile_beside_a_hall_has_the_labels_of_the_whole() -> None:
 def test_tiles_look_farther_where_buildings_are_wider() -> None:
     points = cloud(plane(side=10.0))
     assert GroundClassify(points=points).halo() == 240
-    assert GroundClassify(points=points, max_building_size=300).halo() == 400
+    assert GroundClassify(points=points, longest_building=300).halo() == 400
 
 
 def test_quays_and_terraces_from_edge_to_edge_stay_ground() -> None:

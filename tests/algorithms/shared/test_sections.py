@@ -147,6 +147,6 @@ def test_the_largest_wide_place_is_told_by_a_cell_of_it(caplog: pytest.LogCaptur
     tell_of_wide(cells, Lattice(1000.0, 2000.0, 1.0, *cells.shape))
     area, rest = caplog.text.split("ground: 2, the largest of about ")[1].split(" m2 at ")
     assert float(area) == pytest.approx(500, rel=0.1)
-    assert "With a max_building_size of 180 m none of these is ground" in rest
+    assert "With a longest_building of 180 m none of these is ground" in rest
     x, y = (float(word.strip(",.")) for word in rest.split(" ")[:2])
     assert 10 <= x - 1000 <= 15 or 25 <= x - 1000 <= 40 or 10 <= 2000 - y <= 15

@@ -794,8 +794,7 @@ def confidences(shapes: Shapes, features: _evidence.PointFeatures, planes: Mask)
     """
     seen = ground_seen(shapes, features) / SEEN
     above = features.terrain[1] > FOOT
-    around = shapely.buffer(
-        shapes, TOUCHING * features.cloud.metre
-    )  # their corners are points, too
+    # The corners of outlines are points, too.
+    around = shapely.buffer(shapes, TOUCHING * features.cloud.metre)
     flat = [planes[features.within(shape, above)].mean() for shape in around]
     return np.asarray(flat) * (1 - seen)

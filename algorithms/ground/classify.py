@@ -104,16 +104,12 @@ class GroundClassify:
         if not candidates.chosen.any():
             none = self._classified(candidates, NOWHERE, np.zeros(0, np.float32), None)
             raise candidates.nothing_to_do(none, surface=None)
-        terrain = find_terrain(
-            candidates.xyz,
-            widest=self.longest_building / cloud.metre,
-            metre=cloud.metre,
-            ctx=ctx.part(0, 0.95),
-        )
+        longest, metre = self.longest_building / cloud.metre, cloud.metre
+        terrain = find_terrain(candidates.xyz, widest=longest, metre=metre, ctx=ctx.part(0, 0.95))
         ground, clear = verdict(candidates.xyz, terrain)
-        tell_of_ground(candidates.xyz, ground, cloud.metre)
+        tell_of_ground(candidates.xyz, ground, metre)
         inner = candidates.xyz[ground & cloud.core[candidates.chosen]]
-        _tell_of_wide(inner, terrain, self.longest_building / cloud.metre)
+        _tell_of_wide(inner, terrain, longest)
         classified = self._classified(candidates, ground, clear, terrain)
         ctx.progress(1.0)
         return self.Outputs(

@@ -17,10 +17,7 @@ PARTS = 10  # of its width
 ALONG = 0.8  # share of them above and below which wall stands before it
 HOLED = 0.05  # share of the openings in a wall at least, as at the back of a gallery
 SPARSE = 0.5  # points of glass over those of wall on the same area, at most
-OTHER = (
-    3.0  # standard deviations of the logarithm of intensity, within which a frieze is of the wall
-)
-
+OTHER = 3.0  # standard deviations of the logarithm of intensity: a frieze is within, as the wall
 INNER = (0.02, 0.98)  # quantiles of its points that its sides are taken from
 
 Floats = NDArray[np.float64]

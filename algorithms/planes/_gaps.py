@@ -169,9 +169,8 @@ def _neat(relief: Relief, hole: Mask, limits: Limits) -> Gap | None:
     """
     first, left, last, right = box = _fitted(hole, relief.states, _box(hole))
     gap = _judged(relief, hole, box, limits)
-    wide = (right - left - 1) * relief.side > limits[
-        1
-    ]  # a board: bands are told by what is in them
+    # A board: bands are told by what is in them.
+    wide = (right - left - 1) * relief.side > limits[1]
     if gap.dropped or wide or not gap.rectangle or min(gap.beside) < ENCLOSED:
         return None
     inside = np.zeros_like(hole)

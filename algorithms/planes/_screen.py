@@ -144,9 +144,8 @@ def _uprights(held: Mask, seen: Mask, cell: float) -> Mask:
             found[layer, column] = free.mean() >= FREE and beside[column, run].mean() >= THROUGH
         for (place,) in ndimage.find_objects(groups):
             run = long[layer, place]
-            inner = ndimage.binary_erosion(
-                np.asarray(run.any(axis=1))
-            )  # the wall is seen past its edges
+            # Past its edges the wall is seen.
+            inner = ndimage.binary_erosion(np.asarray(run.any(axis=1)))
             free = ~joined[place][run & two[layer, place]]
             if not inner.any() or free.mean() < FREE:
                 continue

@@ -86,8 +86,7 @@ def _bounded_by_steps(z: Cells, rise: float, slope: float, widest: float) -> tup
     extent = np.array([max(r.stop - r.start, c.stop - c.start) for r, c in places])
     number[first[extent > LOOKED_AT]] = -1
     raised, sides = np.zeros(z.size, bool), np.empty((len(first), 8), np.int32)
-    depth, sure = np.empty(len(first)), raised
-    needed = np.zeros(z.size, np.float32)
+    depth, needed = np.empty(len(first)), np.zeros(z.size, np.float32)
     for wide in (False, True):  # and then what would follow from those that are too wide
         found, sure = np.ones(1, bool), raised.copy()
         while found.any():
@@ -145,9 +144,8 @@ def tell_of_wide(needed: Cells, lattice: Lattice, widest: float = WIDEST) -> Non
     """
     if not needed.any():
         return
-    places = binary_closing(np.pad(needed > 0, 2), np.ones((5, 5), bool))[
-        2:-2, 2:-2
-    ]  # over empty cells
+    # Over empty cells, too.
+    places = binary_closing(np.pad(needed > 0, 2), np.ones((5, 5), bool))[2:-2, 2:-2]
     number, count = label(places)
     size = np.bincount(number[places])[1:]
     spots = np.argwhere(number == size.argmax() + 1)

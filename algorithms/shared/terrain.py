@@ -59,10 +59,11 @@ STEP, STEP_SHARE = 0.3, 0.2  # metres, and of the whole fall: how much of it mus
 FALL = 0.2  # metres below which the terrain must be, beyond what the slope explains
 FIRST_SLOPE, FIRST_SHARE = 0.5, 5 / 8  # for the first look, before the terrain is known
 SLOPE, SLOPE_GAIN = 0.2, 1.0  # what counts as a fall, on level ground and per slope of the terrain
-RELIEF = 50  # metres: half the window in which the slope of the terrain is averaged
-FLAT, STEEP = 0.02, 0.06  # mean slope of the terrain between which the verdict changes ...
-SHARE_FLAT, SHARE_STEEP = 0.45, 0.7  # ... from this share of sectors to that
-HILLSIDE = 0.45  # slope of the terrain, in the mean of 100 m, from which ground hides houses uphill
+RELIEF = 50  # metres: half the window of the relief; as far a plane reaches that is the hillside
+TREND_LEVEL = 3  # cells of 8 m for that plane, a sixth of its reach
+EVEN, ROUGH = 0.02, 0.045  # mean slope beside that plane between which the verdict changes ...
+SHARE_EVEN, SHARE_ROUGH = 0.45, 0.7  # ... from this share of sectors to that
+HILLSIDE = 0.1  # slope of that plane from which the ground behind a house hides it
 WIDE = 3  # cells; what is narrower, as a shrub, makes no step for what lies above it
 SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = (
     0.2,
@@ -74,7 +75,7 @@ COARSE = ((4, 2.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cel
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 BENDING = ((0, 3.0), (0, 1.5), (0, 1.0))  # what follows the edges that are known by then
 ENOUGH = 2.0  # points in a window
-STIFF_COARSE, STIFF = 0.25, 1.0  # how much a plane resists to tilt
+STIFF_TREND, STIFF_COARSE, STIFF = 0.01, 0.25, 1.0  # how much a plane resists to tilt
 ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
 # Known ground has mistakes where more than this share of the cells within RELIEF stands out by so
 # many metres, each with ground in less than half of the cells around. Towns with right classes have
@@ -364,7 +365,7 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     """True for cells whose lowest point is not raised above its surroundings on all sides.
 
     The first look takes any slope below FIRST_SLOPE for terrain. It yields a coarse surface, whose
-    slope tells the second look what a fall is here. In the third, what was taken out is no longer
+    lie tells the second look what a fall is here. In the third, what was taken out is no longer
     in the way of what it hid.
     """
     has = np.isfinite(z)
@@ -374,64 +375,92 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     coarse = robust_surface(
         z, has & (votes < FIRST_SHARE), COARSE, STIFF_COARSE, ctx.part(0.4, 0.45)
     )
-    slope, relief = slopes(coarse)
-    bend = np.clip((relief - FLAT) / (STEEP - FLAT), 0, 1)
-    share = SHARE_FLAT + (SHARE_STEEP - SHARE_FLAT) * bend
-    slope = np.minimum(SLOPE + SLOPE_GAIN * slope, 1.0)
-    ground = _looked_twice(z, coarse, slope, share, thin, step, ctx.part(0.45, 0.95))
+    lie = lie_of(coarse, ctx.part(0.45, 0.5))
+    ground = _looked_twice(z, lie, thin, step, ctx.part(0.5, 0.95))
     ctx.progress(1.0)
     return ground
 
 
-def _looked_twice(
-    z: Cells,
-    surface: Floats,
-    slope: Cells,
-    share: Floats,
-    thin: NDArray[np.bool_],
-    step: Cells,
-    ctx: Context,
-) -> NDArray[np.bool_]:
-    """True for cells that fall off in less than a share of the sectors, in the second of two looks.
+@dataclass(frozen=True)
+class Lie:
+    """How the terrain lies: a hillside, and how rough the terrain is on it.
 
-    `surface` is the coarse one; for the others see :func:`raised_share`.
+    Attributes
+    ----------
+    hillside : array of shape (rows, cols), heights of a plane in the surroundings, in metres
+    inclined : whether that plane is so steep that the ground behind a house hides the house
+    fall : slope that is no fall, for heights, and `fall_beside` for heights above the hillside
+    share : of the sectors that must fall off from what is no ground
     """
-    has, asked = np.isfinite(z), np.full((2, *z.shape), ALL_SECTORS)
-    level, hillside = without_trend(z, surface)
-    ground = has
-    for k in range(2):
-        part = ctx.part(0.5 * k, 0.5 + 0.5 * k)
-        votes = raised_share(z, ground, slope, thin, step, part.part(0, 0.4), asked[0])
-        if hillside.any():
-            sides = raised_share(level, ground, slope, thin, step, part.part(0.4, 0.8), asked[1])
-            votes = np.where(hillside, np.maximum(votes, sides), votes)
-        ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < share)
-    return ground
+
+    hillside: Floats
+    inclined: NDArray[np.bool_]
+    fall: Cells
+    fall_beside: Cells
+    share: Floats
 
 
-def without_trend(z: Cells, surface: Floats) -> tuple[Cells, NDArray[np.bool_]]:
-    """Heights above the mean of a surface in windows of 100 m, and where that is a hillside.
+def lie_of(surface: Floats, ctx: Context = QUIET) -> Lie:
+    """How a surface lies, of shape (rows, cols) with cells of a metre, NaN where there is none.
 
-    The ground behind a house on a hillside is as high as its roof within a few metres, so that all
-    sectors uphill speak for ground, and some of those along the slope; above the trend the house
-    stands out on all sides. On gentler slopes the ground behind stays below the roof, and edges of
-    terraces and banks would stand out as well.
+    Relief is what the terrain does beside the plane of the hillside: a town on an even hillside is
+    looked at like one on a plain. There the ground behind a house is as high as its roof within a
+    few metres, so that all sectors uphill speak for ground, and some of those along the slope;
+    above the hillside the house stands out on all sides. Where the terrain is rough, edges of
+    terraces and banks would do so, too: the slope that is no fall stays as it is.
 
     Examples
     --------
-    >>> slope = 0.7 * np.tile(np.arange(300.0), (9, 1))
-    >>> level, hillside = without_trend(slope.astype(np.float32) + 3, slope)
-    >>> round(float(level[4, 150]), 1), bool(hillside[4, 150])
-    (3.0, True)
+    >>> lie = lie_of(0.3 * np.tile(np.arange(300.0), (96, 1)))
+    >>> bool(lie.inclined[48, 150]), float(lie.share[48, 150])
+    (True, 0.45)
+    >>> [round(float(fall[48, 150]), 2) for fall in (lie.fall, lie.fall_beside)]
+    [0.5, 0.2]
     """
-    known = np.isfinite(surface)
-    total, count = (
-        uniform_filter(each, 2 * RELIEF + 1, mode="nearest")
-        for each in (np.where(known, surface, 0.0), known.astype(float))
+    known = np.isfinite(surface).astype(np.float32)
+    plane = ((TREND_LEVEL, RELIEF / 2**TREND_LEVEL),)
+    hillside = planes_through(surface, known, plane, STIFF_TREND, ctx)
+    south, east, south_of_it, east_of_it = (
+        np.nan_to_num(each) for each in (*np.gradient(surface), *np.gradient(hillside))
     )
-    trend = np.where(known, total / np.maximum(count, 1e-9), np.nan)
-    south, east = np.gradient(trend)
-    return (z - trend).astype(np.float32), np.hypot(south, east) > HILLSIDE
+    slope = np.hypot(east, south)
+    beside = np.hypot(east - east_of_it, south - south_of_it)
+    relief = uniform_filter(beside.astype(np.float32), 2 * RELIEF + 1, mode="nearest")
+    rough = np.clip((relief - EVEN) / (ROUGH - EVEN), 0, 1)
+    return Lie(
+        hillside=hillside,
+        inclined=np.hypot(east_of_it, south_of_it) > HILLSIDE,
+        fall=_no_fall(slope),
+        fall_beside=_no_fall(beside + (slope - beside) * rough),
+        share=SHARE_EVEN + (SHARE_ROUGH - SHARE_EVEN) * rough,
+    )
+
+
+def _no_fall(slope: Floats) -> Cells:
+    """The slope that is no fall where the terrain has this slope."""
+    return np.minimum(SLOPE + SLOPE_GAIN * slope, 1.0).astype(np.float32)
+
+
+def _looked_twice(
+    z: Cells, lie: Lie, thin: NDArray[np.bool_], step: Cells, ctx: Context
+) -> NDArray[np.bool_]:
+    """True for cells that fall off in less than a share of the sectors, in the second of two looks.
+
+    For `thin` and `step` see :func:`raised_share`.
+    """
+    has, asked = np.isfinite(z), np.full((2, *z.shape), ALL_SECTORS)
+    asked[1][~lie.inclined] = 0
+    beside = (z - lie.hillside).astype(np.float32)
+    ground = has
+    for k in range(2):
+        part = ctx.part(0.5 * k, 0.5 + 0.5 * k)
+        votes = raised_share(z, ground, lie.fall, thin, step, part.part(0, 0.4), asked[0])
+        if lie.inclined.any():
+            views = ground, lie.fall_beside, thin, step
+            sides = raised_share(beside, *views, part.part(0.4, 0.8), asked[1])
+            votes = np.maximum(votes, sides)
+        ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < lie.share)
+    return ground
 
 
 def steps_below(z: Cells, ctx: Context) -> tuple[NDArray[np.bool_], Cells]:
@@ -586,13 +615,6 @@ def votes_of_planes(z: Cells, votes: Cells, ctx: Context) -> Cells:
     return votes
 
 
-def slopes(surface: Floats) -> tuple[Cells, Cells]:
-    """Slope of a surface, and its mean in a square window of RELIEF cells on each side."""
-    south, east = np.gradient(surface)
-    slope = np.nan_to_num(np.hypot(east, south)).astype(np.float32)
-    return slope, uniform_filter(slope, 2 * RELIEF + 1, mode="nearest")
-
-
 def robust_surface(
     z: Cells,
     candidates: NDArray[np.bool_],
@@ -628,7 +650,9 @@ def robust_surface(
     return surface
 
 
-def planes_through(z: Cells, weight: Cells, levels: Levels, stiff: float, ctx: Context) -> Floats:
+def planes_through(
+    z: Floats | Cells, weight: Cells, levels: Levels, stiff: float, ctx: Context
+) -> Floats:
     """Surface summed up from planes in windows of falling size, each fitted to the residuals."""
     surface = np.zeros(z.shape)
     add_planes(surface, z, weight, levels, stiff, ctx, everywhere=True)

@@ -34,6 +34,7 @@ from algorithms.corridor._curves.structures import (
 from algorithms.corridor._curves.trace import trace_all
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
 from algorithms.corridor._extraction.continued import completed
+from algorithms.corridor._extraction.doubled import without_doubled
 from algorithms.corridor._extraction.ends import with_ends
 from algorithms.corridor._extraction.spans import (
     Wire,
@@ -599,7 +600,7 @@ def together(corridor: Corridor, lines: Sequence[Line]) -> tuple[list[Wire], lis
     Two lines may each have found another leg of a support, so that it is known to be one only when
     each was moved to the middle of its body.
     """
-    wires, supports = numbered_anew(lines)
+    wires, supports = without_doubled(*numbered_anew(lines))
     wires, supports = shared(wires, all_centred(corridor, wires, supports))
     wires = [w for w in wires if not (is_arm(w, supports) or is_guy(w, supports))]
     wires, supports = along_the_line(*without_bars(wires, supports))

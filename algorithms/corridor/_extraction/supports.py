@@ -259,7 +259,9 @@ def support_of(
         out = mean if len(here) else -mean
         ends = forth[here if len(here) else there]
         # The data goes on behind all the wires: one tree over its edge does not tell.
-        beyond = all(corridor.seen(*(p[:2] + m * out)) for p in place for m in (7.0, 10.0))
+        gap = gap_by_chance([pieces[hint.piece] for hint in group])
+        steps = (7.0, *np.arange(SETTINGS.supports.along, max(SETTINGS.supports.along, gap) + 1.0))
+        beyond = all(corridor.seen(*(p[:2] + m * out)) for p in place for m in steps)
         certain = len(ends) >= 2 and np.ptp(ends) < 6 and beyond
         certain |= body >= much_body(high - bottom) and topped(corridor, spot, mean, side, high)
     if not certain:
@@ -278,6 +280,15 @@ def support_of(
         sd_along=min(sigma, seen),
         cuts=frozenset(hint.cut for hint in group if hint.held),
     )
+
+
+def gap_by_chance(pieces: Sequence[Piece]) -> float:
+    """Metres that wires side by side go on without a point in one case of a hundred by chance.
+
+    Points of all are a Poisson process, as dense as they were seen.
+    """
+    per_metre = sum(len(piece.points) / piece.curve.length for piece in pieces)
+    return -math.log(SETTINGS.sparse.false_alarms) / per_metre
 
 
 def axis_of(way: Floats) -> Floats:

@@ -50,7 +50,7 @@ def without_doubled(
     pairs = sorted(
         (math.hypot(supports[a].x - supports[b].x, supports[a].y - supports[b].y), a, b)
         for a, b in itertools.combinations(range(len(supports)), 2)
-        if not (is_seen(supports[a]) and is_seen(supports[b])) and meeting(sides[a], sides[b])
+        if may_be_one(supports[a], supports[b]) and meeting(sides[a], sides[b])
     )
     found, same = list(supports), np.arange(len(supports))
     for _, a, b in pairs:
@@ -62,6 +62,13 @@ def without_doubled(
     held = [(int(number[low]), int(number[high])) for low, high in (w.supports for w in wires)]
     renamed = [replace(wire, supports=ends) for wire, ends in zip(wires, held, strict=True)]
     return renamed, [found[k] for k in kept.tolist()]
+
+
+def may_be_one(one: Support, other: Support) -> bool:
+    """Whether two supports are not both seen, nor beside each other as the legs of a frame."""
+    step = (other.x - one.x, other.y - one.y)
+    aside = abs(float(np.array(one.across) @ step))
+    return aside < SETTINGS.network.join_aside and not (is_seen(one) and is_seen(other))
 
 
 def side_of(wires: Sequence[Wire], number: int) -> Side | None:
@@ -125,7 +132,6 @@ def between(one: Support, other: Support, wires: Sequence[tuple[Catenary, Catena
         one if weights[0] >= weights[1] else other,
         x=x,
         y=y,
-        reach=(min(one.reach[0], other.reach[0]), max(one.reach[1], other.reach[1])),
         low=min(one.low, other.low),
         high=max(one.high, other.high),
         body=max(one.body, other.body),

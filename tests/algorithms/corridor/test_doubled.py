@@ -90,6 +90,13 @@ def test_two_poles_that_are_seen_are_two() -> None:
     assert len(without_doubled(wires, [*seen, supports[3]])[1]) == 4
 
 
+def test_legs_of_a_frame_are_not_one_by_their_wires() -> None:
+    """Which of them stand for one frame is known once each was moved to its middle."""
+    wires, supports = two_spans((2.0, -3.0), (2.0, 2.0))
+    legs = [replace(supports[1], y=-2.0), replace(supports[2], y=2.0)]
+    assert len(without_doubled(wires, [supports[0], *legs, supports[3]])[1]) == 4
+
+
 def test_a_support_that_holds_another_span_too_is_not_one_of_two() -> None:
     wires, supports = two_spans((2.0, -3.0), (2.0, 2.0))
     branch = span(2, 0.0, 40.0, (1, 3), 400.0)[:1]

@@ -280,7 +280,7 @@ def test_short_arcs_far_below_the_wires_of_a_tower_are_not_held_by_it(
     for number, heights in enumerate(((40.0, 42.0), (low,))):
         own = [wire((a, 0, z), (b, 0, z), 400)[0] for a, b, z in ends if z in heights]
         arcs = [
-            Piece(np.zeros(0, np.int64), curve, arc=(number, int(curve.x >= 0))) for curve in own
+            Piece(np.zeros(400, np.int64), curve, arc=(number, int(curve.x >= 0))) for curve in own
         ]
         one = Alignment.of(arcs)
         cut = np.array([-min(curve.x for curve in own) + TRACK_BIN])

@@ -42,6 +42,7 @@ ELSEWHERE = {
     "SECTION_BIN",
     "SLOTS",
     "STEM_CELLS",
+    "STEP",
     "TINY",
     "TOWER",
     "TRACK_BIN",

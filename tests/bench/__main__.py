@@ -17,6 +17,7 @@ from tests.bench.facades import facades
 from tests.bench.figures import figures, outlines, real_fronts
 from tests.bench.files import copc, damaged, memory, reading, reprojecting, startup
 from tests.bench.fingerprints import fingerprints
+from tests.bench.front_stability import front_stability
 from tests.bench.gridding import gridding
 from tests.bench.ground import (
     cloth,
@@ -92,6 +93,7 @@ ALL = (
     suggesting,
     long_lines,
     facades,
+    front_stability,
     house_fronts,
     fingerprints,
     metamorphic,
@@ -108,6 +110,7 @@ WITH_OPTIONS = (
     corridor_real,
     corridor_settings,
     figures,
+    front_stability,
     house_fronts,
     metamorphic,
     suggesting,

@@ -230,12 +230,18 @@ class Score(NamedTuple):
 
 
 def score(true: list[Any], found: list[Any]) -> Score:
-    """How many openings of a front are found.
+    """How many openings of a front are found; see :func:`compared`."""
+    return compared(true, found)[0]
+
+
+def compared(true: list[Any], found: list[Any], others: Any = ()) -> tuple[Score, list[int]]:
+    """How many openings of a front are found, and which are wrong.
 
     Parameters
     ----------
     true : points of each, shape (m, 3)
     found : corners of each, shape (m, 3); those of other fronts do not count
+    others : points of true ones that nobody judges, as their front is cut there
     """
     import numpy as np
     import shapely
@@ -244,19 +250,29 @@ def score(true: list[Any], found: list[Any]) -> Score:
     corners = np.vstack(true)
     middle = corners[:, :2].mean(axis=0)
     along, across = np.linalg.svd(corners[:, :2] - middle, full_matrices=False)[2]
-    found = [one for one in found if abs(((one[:, :2] - middle) @ across).mean()) < SAME_FRONT]
-    if not found:
-        return Score(0, len(true), 0, 0.0)
 
-    def hulls(shapes: list[Any]) -> Any:
-        flat = [np.column_stack([one[:, :2] @ along, one[:, 2]]) for one in shapes]
-        return np.array([shapely.convex_hull(shapely.multipoints(uv)) for uv in flat])
+    def hull(one: Any) -> Any:
+        uv = np.column_stack([(one[:, :2] - middle) @ along, one[:, 2]])
+        return shapely.convex_hull(shapely.multipoints(uv))
 
-    a, b = hulls(true)[:, None], hulls(found)[None]
+    cut = shapely.union_all([hull(one) for one in others])
+    places = [
+        place
+        for place, one in enumerate(found)
+        if abs(((one[:, :2] - middle) @ across).mean()) < SAME_FRONT
+        and hull(one).intersection(cut).area <= hull(one).area / 2
+    ]
+    if not places:
+        return Score(0, len(true), 0, 0.0), []
+    a = np.array([hull(one) for one in true])[:, None]
+    b = np.array([hull(found[place]) for place in places])[None]
     shared = shapely.area(shapely.intersection(a, b))
     iou = shared / (shapely.area(a) + shapely.area(b) - shared)
-    right = int((iou[linear_sum_assignment(-iou)] >= 0.5).sum())
-    return Score(right, len(true), len(found), float(np.median(iou.max(axis=1))))
+    rows, columns = linear_sum_assignment(-iou)
+    right = columns[iou[rows, columns] >= 0.5].tolist()
+    wrong = [place for column, place in enumerate(places) if column not in right]
+    made = Score(len(right), len(true), len(places), float(np.median(iou.max(axis=1))))
+    return made, wrong
 
 
 def _f1(xyz: Any, intensity: Any, true: list[Any]) -> str:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ SAME = 1.5  # variance about a plane in a large piece over that in a small one, 
 ROUNDING = 1e-9  # of coordinates, as a share of the largest
 LARGER = [MOST * 4**k for k in range(1, 5)]  # most points of cells that tell the noise
 CLEARLY = 1.1  # share of cells that are planes over that of smaller cells, to be taken
+CHANCE = 2.0  # standard errors of both shares by which it is larger then: one draw in forty
 ENOUGH = 0.5  # share of cells that are planes, with which no larger ones are looked at
 MOSTLY = 0.75  # share of cells that are flat: larger ones only join what lies side by side
 LOOKED_AT = 5_000  # cells that tell the noise
@@ -170,19 +172,39 @@ def _scales(xyz: Floats, keys: NDArray[np.uint64], side: float) -> tuple[float, 
     In a dense scan small cells are no larger than the noise. Larger ones are looked at until half
     are planes, or most of them flat, and taken if clearly more of them are planes.
     """
-    share, flat, noise, apart = _scale(xyz, keys, side, MOST)
+    best, flat, noise, apart = _scale(xyz, keys, side, MOST)
     for most in LARGER:
-        if share >= ENOUGH or flat >= MOSTLY:
+        if best.mean >= ENOUGH or flat >= MOSTLY:
             break
         wider, flat, *scales = _scale(xyz, keys, side, most)
-        if wider > CLEARLY * share:
-            share, (noise, apart) = wider, scales
+        if wider.clearly_over(best):
+            best, (noise, apart) = wider, scales
     return noise, apart
+
+
+class _Share(NamedTuple):
+    """Share of cells that are planes, and how many cells were counted."""
+
+    mean: float
+    cells: int
+
+    def clearly_over(self, other: _Share) -> bool:
+        """Whether it is larger than another one, by more than the chance of few cells tells.
+
+        Of a hundred cells ten or fifteen may be planes by chance.
+        """
+        chance = CHANCE * math.hypot(self.error, other.error)
+        return self.mean > CLEARLY * other.mean and self.mean - other.mean >= chance
+
+    @property
+    def error(self) -> float:
+        """Standard error of the share (binomial)."""
+        return math.sqrt(self.mean * (1 - self.mean) / self.cells)
 
 
 def _scale(
     xyz: Floats, keys: NDArray[np.uint64], side: float, most: int
-) -> tuple[float, float, float, float]:
+) -> tuple[_Share, float, float, float]:
     """Shares of cells that are planes and that are flat, their noise, distance of neighbours.
 
     The points of a plane lie as close to it in a large piece as in a small one. Where they do not,
@@ -201,14 +223,14 @@ def _scale(
     plane &= least_above <= SAME * between + rounding
     count = np.diff(starts)[some]
     if not flat.any():
-        return 0.0, 0.0, 0.0, 0.0
+        return _Share(0.0, len(some)), 0.0, 0.0, 0.0
     # Where all is bent, the flattest quarter tells most.
     noise = (
         np.quantile(least_above[plane], NOISY) if plane.any() else np.quantile(least[flat], 0.25)
     )
     apart = np.sqrt(12 * middle[flat] / count[flat])  # evenly spread over a square
-    shares = float(plane.mean()), float(flat.mean())
-    return *shares, math.sqrt(noise), float(np.quantile(apart, SPARSE))
+    share = _Share(float(plane.mean()), len(some))
+    return share, float(flat.mean()), math.sqrt(noise), float(np.quantile(apart, SPARSE))
 
 
 def _sorted(found: NDArray[np.uint64], xyz: Floats) -> tuple[Ints, NDArray[np.uint64]]:

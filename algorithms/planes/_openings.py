@@ -27,6 +27,7 @@ FEWEST_ROWS = 5
 ROWS = 0.5  # share of the rows beside an edge that reach it, if it is one of the wall
 SHARP = 0.6  # 95 % interval of an edge at which rows end evenly, over the distance of neighbours
 UNEVEN = 1.0  # distance of the ends of half of the rows from an edge that is unsure, over the same
+ALONE = 2.0  # of the shortest half of ends, 3 standard deviations from its middle, in normal ones
 WIDER = 2.0  # of the interval of a side that is unsure, whose rows may all end too early
 AROUND = 2.0  # squares around a region within which the wall begins
 HOLE = 2.5  # radius of a hole of the wall over the distance of neighbours: 20 points are missing
@@ -41,6 +42,8 @@ DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the fo
 DOOR_WIDTH = 0.8  # metres: the least clear width of a door, ISO 21542
 BREAST = 0.8  # metres: least height of the wall below a window, by codes of building
 EITHER = "door or window"  # kind of an opening whose foot was not seen
+UNBOUNDED = 3  # sides that were not seen, of an opening of which neither size is known
+VAGUE = 0.5  # how sure such an opening is at most: all ten of these of a real front were none
 OF_TWO = 0.5  # certainty of an opening that may be either, over that of one whose kind is known
 OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which it is another
 SAME = 0.15  # distance of Kolmogorov and Smirnov of intensities of one wall; shutters have 0.25
@@ -111,6 +114,7 @@ class Opening(NamedTuple):
             known["bottom"] = math.nan
             unsure = [side for side in unsure if side != "bottom"]
             hidden = [side for side in hidden if side != "bottom"]
+        most = VAGUE if len(hidden) >= UNBOUNDED else 1.0
         return {
             "kind": kind,
             "width": right - left,
@@ -126,7 +130,7 @@ class Opening(NamedTuple):
             "unsure": ", ".join(unsure),
             "rectangle": len(shapely.get_coordinates(self.shape)) == 5,
             "found_by": self.found_by,
-            "certainty": self.certainty * (OF_TWO if kind == EITHER else 1.0),
+            "certainty": min(self.certainty, most) * (OF_TWO if kind == EITHER else 1.0),
         }
 
 
@@ -315,8 +319,9 @@ def _free(gap: Gap, uv: Floats, front: Relief) -> Any:
     pieces = shapely.difference(room, shapely.union_all(list(around)))
     pieces = shapely.get_parts(shapely.buffer(shapely.buffer(pieces, -front.apart), front.apart))
     held = [piece for piece in pieces if piece.intersects(gap.shape)]
-    largest = max(held, key=shapely.area, default=None)
-    return None if largest is None else shapely.Polygon(largest.exterior)
+    # Not the air above a gable, where few points part it from a window below.
+    best = max(held, key=lambda piece: float(piece.intersection(gap.shape).area), default=None)
+    return None if best is None else shapely.Polygon(best.exterior)
 
 
 def _described(
@@ -438,10 +443,36 @@ def _rectangle(box: tuple[float, ...], uv: Floats, apart: float) -> Any:
     sides: list[float] = list(box)
     for side, sign, ends, most in _row_ends(box, uv, apart):
         if len(ends) >= max(FEWEST_ROWS, ROWS * most):
-            sides[side] = sign * float(np.quantile(ends, EDGE))
+            sides[side] = sign * _edge(ends, apart)
     if sides[0] >= sides[2] or sides[1] >= sides[3]:
         return None
     return shapely.box(sides[0], sides[1], sides[2], sides[3])
+
+
+def _edge(ends: Floats, apart: float) -> float:
+    """Where most rows of points have ended, without those that go on alone.
+
+    Goods, and what hangs down in an opening, go on beyond its side in a few rows, which are many of
+    the rows of a sparse scan. They are no edge where the half of the rows that ends most evenly
+    tells one (the shortest half, Rousseeuw 1984).
+
+    Parameters
+    ----------
+    ends : array of shape (rows,)
+    apart : distance of neighbours
+
+    Examples
+    --------
+    >>> _edge(np.array([2.0, 2.01, 2.0, 2.02, 2.01, 2.6, 2.7]), 0.1) < 2.03
+    True
+    """
+    ends = np.sort(ends)
+    half = (len(ends) + 1) // 2
+    lengths = ends[half - 1 :] - ends[: len(ends) - half + 1]
+    shortest = int(np.argmin(lengths))
+    last = ends[shortest + half - 1]
+    beyond = max(ALONE * float(lengths[shortest]), UNEVEN * apart)
+    return float(np.quantile(ends[ends <= last + beyond], EDGE))
 
 
 def _row_ends(

@@ -29,6 +29,7 @@ from algorithms.shared.windows import between
 
 PER_CELL = 4.0  # points of the wall in a square, about
 SIGMAS = 3.0  # standard deviations of a wall within which its points lie
+OF_MEDIAN = math.sqrt(math.pi / 2)  # standard error of the median of normal numbers over the mean's
 HOLES = (0.05, 0.6)  # share of a panel that its openings take
 MUCH, OPEN = 0.1, 0.1  # shares of a front and of holes in it, of planes in one depth that are wall
 NEAR = 0.25  # width of the largest opening, within which wall tells the depth of a piece beside it
@@ -156,6 +157,7 @@ def relief_of(
     away = np.where(screen.points, -depth, away)  # as far away as anything that hides the wall
     ids = np.where(screen.points, 0, ids)
     parts = [_plane(k, uv, away, ids, shades) for k in front.members if (ids == k + 1).any()]
+    parts, ids = _parted(parts, uv, away, ids, shades, largest, least)
     panes = glass(parts, uv, away, ids, largest, recess)
     shares = {part.number: float(panes[ids == part.number + 1].mean()) for part in parts}
     bare = [part for part in parts if shares[part.number] <= MOSTLY]
@@ -290,6 +292,57 @@ def _plane(
     depth, shaded = _robust(away[part]), _robust(shade)
     apart = _apart(some[:, :2]) / math.sqrt(each)
     return _Plane(index, *depth, size, *shaded, holes, some, apart)
+
+
+def _parted(
+    parts: list[_Plane],
+    uv: Floats,
+    away: Floats,
+    ids: NDArray[Any],
+    shades: Floats | None,
+    largest: tuple[float, float],
+    least: float,
+) -> tuple[list[_Plane], NDArray[Any]]:
+    """The planes of a front, and the plane of each point, where large ones are parted by depth.
+
+    In noise, and where points are few, a plane may slant through the wall and a pane beside it, or
+    join panes above each other by points of the wall between: it is too large for an opening, and
+    its panes would be wall. Squares of it in the depth of the reference are given to that, if what
+    is left is no larger than an opening.
+    """
+    first, made = parts[0], []
+    spread = max(first.spread, least / SIGMAS)
+    for part in parts[1:]:
+        made.append(part)
+        if not (part.size > largest).any():
+            continue
+        here = np.flatnonzero(ids == part.number + 1)
+        level = _in_depth(uv[here], away[here] - first.depth, spread)
+        if not level.any() or level.mean() > 1 - MUCH:  # single squares of noise are no pane
+            continue
+        left = ids.copy()
+        left[here[level]] = first.number + 1
+        rest = _plane(part.number, uv, away, left, shades)
+        if (rest.size <= largest).all():
+            made[-1], ids = rest, left
+    return [_plane(first.number, uv, away, ids, shades), *made], ids
+
+
+def _in_depth(uv: Floats, off: Floats, spread: float) -> Mask:
+    """Which points lie in squares whose median is in the depth of the reference, shape (n,).
+
+    Parameters
+    ----------
+    off : array of shape (n,), how far they lie behind the reference
+    spread : of the points of the reference about it
+    """
+    held, row, column = _held(uv)
+    middle = _median(row, column, off, np.ones(len(off), bool), held.shape)
+    count = np.zeros(held.shape)
+    np.add.at(count, (row, column), 1)
+    error = OF_MEDIAN * spread / np.sqrt(np.maximum(count, 1))
+    limit = np.maximum(SIGMAS * error, spread)
+    return np.asarray((np.abs(middle) <= limit)[row, column])
 
 
 def _robust(values: Floats) -> tuple[float, float]:

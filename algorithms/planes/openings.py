@@ -35,6 +35,7 @@ from algorithms.planes._outlines import View, drawn
 from algorithms.planes._relief import Relief, relief_of
 from algorithms.planes._screen import Screen
 from algorithms.planes._segment import parts_of
+from algorithms.planes._shades import by_chance
 from algorithms.shared.plane_fit import Plane
 from algorithms.shared.plane_numbers import plane_numbers
 from toolbox.context import QUIET, Context, log, setting_name
@@ -89,18 +90,19 @@ class PlanesOpenings:
     `found_by` says what tells: recess (something no farther back than `recess`), behind (farther),
     reflectance (it is not that of the wall beside), outline (nothing is seen in it), grid (its
     sides are in line with those of another one). `certainty`, from 0 to 1, is how much of the
-    opening, as far as it is seen, is not wall, and how much of its sides has wall beside it. Gaps
-    that were looked at and are no openings are in `dropped`, with the reason.
+    opening, as far as it is seen, is not wall, and how much of its sides has wall beside it; it is
+    0.5 at most where three sides were not seen. Gaps that were looked at and are no openings are
+    in `dropped`, with the reason. Intensity that points side by side do not share is not used.
 
-    Each edge of a rectangle is where 95 of 100 rows of points end, on the wall or no farther before
-    it than `recess`, as on frames, timber and sills. Where something stands farther in front, such
-    as a balcony, the gap ends at its shadow. An edge is seen where points lie on both sides: on
-    the wall outside, and behind it inside, no farther away than `recess` or what their density
-    tells. `edge_seen` is the share of the outline that is, and `hidden` names the sides of a
-    rectangle of which less than half is, or beside which half of the rows of points of the wall are
-    missing. They may be elsewhere. Of the others `left_interval` and so on say how sure they are
-    (95 %), by the distance of the points and how evenly their rows end there; `unsure` names those
-    at which they do not.
+    Each edge of a rectangle is where 95 of 100 rows of points end, but for those that go on alone,
+    on the wall or no farther before it than `recess`, as on frames, timber and sills. Where
+    something stands farther in front, such as a balcony, the gap ends at its shadow. An edge is
+    seen where points lie on both sides: on the wall outside, and behind it inside, no farther away
+    than `recess` or what their density tells. `edge_seen` is the share of the outline that is, and
+    `hidden` names the sides of a rectangle of which less than half is, or beside which half of the
+    rows of points of the wall are missing. They may be elsewhere. Of the others `left_interval` and
+    so on say how sure they are (95 %), by the distance of the points and how evenly their rows end
+    there; `unsure` names those at which they do not.
 
     A door is at least 1.8 m high and begins at most 0.3 m above the foot of the wall. An opening
     that begins below 0.8 m, and whose lower side was not seen, may be either: `door or window`,
@@ -287,9 +289,7 @@ class PlanesOpenings:
         ranks[some] = np.searchsorted(numbers, ids[some]) + 1
         planes = [fitted(cloud.xyz[part]) for part in parts_of(ranks, len(numbers))]
         fronts = self._chosen(ranks, numbers, planes)
-        shades = None
-        if "intensity" in cloud and np.ptp(cloud["intensity"]) > 0:
-            shades = np.log1p(np.asarray(cloud["intensity"], float))
+        shades = self._shades(some)
         widest = max(self.max_width, STOREY * cloud.metre)
         seen = []
         for number, front in enumerate(fronts):
@@ -334,6 +334,20 @@ class PlanesOpenings:
         if not any(one.made.found for one in seen):
             self._warn_of_none([gap.dropped for one in seen for gap in one.made.dropped], seen)
         return seen
+
+    def _shades(self, some: NDArray[np.bool_]) -> Floats | None:
+        """Logarithm of the intensity of the points, if it tells anything of those on planes."""
+        cloud = self.points
+        if "intensity" not in cloud or np.ptp(cloud["intensity"]) == 0:
+            return None
+        shades: Floats = np.log1p(np.asarray(cloud["intensity"], float))
+        if not by_chance(shades[some], cloud.xyz[some]):
+            return shades
+        log.warning(
+            "the intensity of the points tells nothing, as those side by side differ in it as much "
+            "as any two: openings are looked for as without it"
+        )
+        return None
 
     def _warn_of_none(self, reasons: list[str], seen: list[_Seen]) -> None:
         """Say so where no gap is an opening, and why."""

@@ -18,8 +18,27 @@ from pyproj import CRS
 
 from algorithms.planes._fronts import fronts_of, outside
 from algorithms.planes._gaps import TOO_WIDE, Gap, _squares, too_large
-from algorithms.planes._openings import EITHER, SIDES, Opening, _with_intervals, kind_of
-from algorithms.planes._relief import _held, _holes, _level, _Plane, _size, _walls, around
+from algorithms.planes._openings import (
+    EITHER,
+    SIDES,
+    Opening,
+    _edge,
+    _free,
+    _with_intervals,
+    kind_of,
+)
+from algorithms.planes._relief import (
+    _held,
+    _holes,
+    _level,
+    _parted,
+    _Plane,
+    _plane,
+    _size,
+    _walls,
+    around,
+)
+from algorithms.planes._shades import by_chance
 from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings, fitted
@@ -459,6 +478,30 @@ def hole(reveal: float) -> PointCloud:
     ids = np.zeros(len(xyz), np.int32)
     ids[: len(wall) - inside.all(axis=1).sum()] = 1
     return PointCloud(xyz + FAR, {"plane_id": ids}, crs=UTM)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_intensity_by_chance_is_told_and_not_used(
+    caplog: pytest.LogCaptureFixture, mixed: bool
+) -> None:
+    """By chance the back of a window is as bright as the wall, so that it would be a niche."""
+    cloud = recesses(500)
+    shade = cloud["intensity"]
+    if mixed:
+        shade = np.random.default_rng(1).permutation(shade)
+    out = found(cloud.with_attributes({"intensity": shade}))
+    assert out.count == 2
+    assert ("the intensity of the points tells nothing" in caplog.text) == mixed
+    assert out.openings.frame.found_by.str.contains("reflectance").any() == (not mixed)
+
+
+def test_one_draw_of_a_hundred_by_chance_is_taken_for_a_reading() -> None:
+    """Three standard errors leave one in 700; one or none would leave many."""
+    cloud = recesses(2500)
+    shade, xyz = cloud["intensity"][::20].astype(float), cloud.xyz[::20]
+    assert not by_chance(shade, xyz)
+    draws = [by_chance(np.random.default_rng(k).permutation(shade), xyz) for k in range(100)]
+    assert sum(draws) >= 99
 
 
 def test_a_hole_with_a_reveal_is_an_opening_by_its_outline() -> None:
@@ -1091,6 +1134,72 @@ def test_an_opening_that_may_be_two_things_is_half_as_certain() -> None:
     }
     assert [row["kind"] for row in found.values()] == ["window", EITHER]
     assert [row["certainty"] for row in found.values()] == [0.9, pytest.approx(0.45)]
+
+
+def test_an_opening_of_which_one_side_was_seen_is_half_certain_at_most() -> None:
+    """Neither its width nor its height is known; a door has no lower side to be seen."""
+    front = types.SimpleNamespace(uv=np.array([[0.5, 0.0]]), own=np.ones(1, bool))
+    for low, hidden, before, certainty in (
+        (1.0, "left, top", 0.9, 0.9),
+        (1.0, "left, bottom, top", 0.9, 0.5),
+        (1.0, "left, bottom, top", 0.4, 0.4),
+        (0.0, "left, bottom, top", 0.9, 0.9),
+        (0.0, "left, bottom, right, top", 0.9, 0.5),
+    ):
+        one = Opening(shapely.box(0, low, 1, low + 2), 9, 0.1, 0.5, hidden, "recess", before)
+        assert one.row(front, 1.0)["certainty"] == certainty  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("ends", "edge"),
+    [
+        ([1.0, 1.01, 1.0, 1.01, 1.0, 1.6, 1.7], 1.01),
+        ([1.0, 1.0, 1.0, 1.0, 1.0, 1.09, 1.09], 1.09),
+        ([1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6], 1.57),
+        ([1.0, 1.05, 1.1, 1.15, 1.2, 1.9, 2.0], 1.19),
+        ([1.0, 1.6, 1.6, 1.61, 1.6, 1.6, 1.0], 1.607),
+    ],
+    ids=[
+        "two go on alone",
+        "within a distance",
+        "all are uneven",
+        "uneven and two alone",
+        "two end early",
+    ],
+)
+def test_rows_that_go_on_alone_are_no_edge(ends: list[float], edge: float) -> None:
+    assert _edge(np.array(ends), 0.1) == pytest.approx(edge, abs=0.005)
+
+
+def test_the_air_above_a_gable_is_no_window_below_it() -> None:
+    """A strip of wall 0.15 m high parts them, and is less than the gap reaches over."""
+    side, apart = 0.2, 0.05
+    u, v = np.meshgrid(np.arange(0, 3, apart), np.arange(0, 2.2, apart))
+    wall = ((np.abs(u - 1.5) > 0.5) | (v < 1.0) | (v > 1.65)) & (v < 1.8)
+    uv = np.column_stack([u[wall], v[wall]])
+    gap = Gap(shapely.box(1.0, 1.0, 2.0, 1.9), True, "behind", "", 1.0, (1.0,) * 4)
+    shape = _free(gap, uv, types.SimpleNamespace(side=side, apart=apart))  # type: ignore[arg-type]
+    assert shape.bounds[3] == pytest.approx(1.65, abs=0.1)
+
+
+@pytest.mark.parametrize(("wide", "deep"), [(2.5, 0.14), (4.5, 0.14), (2.5, 0.0)])
+def test_a_plane_through_a_wall_and_a_pane_beside_it_is_parted(wide: float, deep: float) -> None:
+    """A plane of 2.5 m of wall and a pane: it is 5 m wide, the pane no wider than an opening.
+
+    Where what is left is larger than an opening, or nothing is, the plane stays whole.
+    """
+    rng = np.random.default_rng(2)
+    wall, rest = rng.random((2, 4000)) * [[12], [4]], rng.random((2, 3000)) * [[2.5 + wide], [2.5]]
+    uv = np.hstack([wall, np.add(rest, [[12], [0]])]).T
+    away = np.where(uv[:, 0] > 14.5, deep, 0.0) + rng.normal(0, 0.03, len(uv))
+    ids = np.repeat([1, 2], [4000, 3000])
+    parts = [_plane(k, uv, away, ids, None) for k in (0, 1)]
+    made, numbers = _parted(parts, uv, away, ids, None, (4.0, 6.0), 0.02)
+    parted = deep > 0 and wide < 4
+    assert made[1].size[0] == pytest.approx(2.5 if parted else 2.5 + wide, abs=0.35)
+    back = uv[:, 0] > 14.5
+    assert ((numbers == 1) == ~back).mean() > (0.95 if parted else 0.0)
+    assert (numbers == ids).all() == (not parted)
 
 
 def test_mullions_just_before_sparse_panels_of_their_own_plane_are_no_frames() -> None:

@@ -29,10 +29,9 @@ STEPS = {  # of find_terrain, each on what the one before gives
         "planes_through",
         "raised_share",
         "robust_surface",
-        "slopes",
-        "steep_steps",
-        "steps_below",
+        "steps_down",
         "votes_of_planes",
+        "without_thin",
     )
 }
 

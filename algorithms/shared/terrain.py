@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,7 +64,9 @@ RELIEF = 50  # metres: half the window of the relief; as far a plane reaches tha
 TREND_LEVEL = 3  # cells of 8 m for that plane, a sixth of its reach
 EVEN, ROUGH = 0.02, 0.045  # mean slope beside that plane between which the verdict changes ...
 SHARE_EVEN, SHARE_ROUGH = 0.45, 0.7  # ... from this share of sectors to that
-HILLSIDE = 0.1  # slope of that plane from which the ground behind a house hides it
+HILLSIDE = 0.1  # slope of that plane from which the ground behind a house hides it ...
+UPHILL = 4  # ... in so many sectors
+ANY, SIDES = (-1,), range(4)  # ways of a step down: whichever, or one of the sides by itself
 WIDE = 3  # cells; what is narrower, as a shrub, makes no step for what lies above it
 SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = (
     0.2,
@@ -75,7 +78,7 @@ COARSE = ((4, 2.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cel
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 BENDING = ((0, 3.0), (0, 1.5), (0, 1.0))  # what follows the edges that are known by then
 ENOUGH = 2.0  # points in a window
-STIFF_TREND, STIFF_COARSE, STIFF = 0.01, 0.25, 1.0  # how much a plane resists to tilt
+STIFF_TREND, STIFF_COARSE, STIFF = 0.001, 0.25, 1.0  # how much a plane resists to tilt
 ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
 # Known ground has mistakes where more than this share of the cells within RELIEF stands out by so
 # many metres, each with ground in less than half of the cells around. Towns with right classes have
@@ -368,15 +371,19 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     lie tells the second look what a fall is here. In the third, what was taken out is no longer
     in the way of what it hid.
     """
-    has = np.isfinite(z)
-    thin, step = steps_below(z, ctx.part(0.0, 0.1))
+    has, opened = np.isfinite(z), without_thin(z)
+    thin = z - opened > STEP
+    step = steps_down(z, opened, ANY, ctx.part(0.0, 0.1))
     slope = np.full(z.shape, FIRST_SLOPE, np.float32)
     votes = raised_share(z, has, slope, thin, step, ctx.part(0.1, 0.4))
     coarse = robust_surface(
         z, has & (votes < FIRST_SHARE), COARSE, STIFF_COARSE, ctx.part(0.4, 0.45)
     )
     lie = lie_of(coarse, ctx.part(0.45, 0.5))
-    ground = _looked_twice(z, lie, thin, step, ctx.part(0.5, 0.95))
+    beside = None
+    if lie.hidden.any():
+        beside = steps_down(z, opened, SIDES, ctx.part(0.5, 0.6))
+    ground = _looked_twice(z, lie, thin, (step, beside), ctx.part(0.6, 0.95))
     ctx.progress(1.0)
     return ground
 
@@ -388,91 +395,102 @@ class Lie:
     Attributes
     ----------
     hillside : array of shape (rows, cols), heights of a plane in the surroundings, in metres
-    inclined : whether that plane is so steep that the ground behind a house hides the house
-    fall : slope that is no fall, for heights, and `fall_beside` for heights above the hillside
+    hidden : bits of the sectors uphill, where the ground may hide that a house falls off
+    fall, fall_above : slope that is no fall, for heights and for heights above the hillside
     share : of the sectors that must fall off from what is no ground
+
+    Examples
+    --------
+    >>> lie_of(np.zeros((96, 300))).share.shape
+    (96, 300)
     """
 
-    hillside: Floats
-    inclined: NDArray[np.bool_]
+    hillside: Cells
+    hidden: NDArray[np.uint8]
     fall: Cells
-    fall_beside: Cells
-    share: Floats
+    fall_above: Cells
+    share: Cells
 
 
 def lie_of(surface: Floats, ctx: Context = QUIET) -> Lie:
     """How a surface lies, of shape (rows, cols) with cells of a metre, NaN where there is none.
 
     Relief is what the terrain does beside the plane of the hillside: a town on an even hillside is
-    looked at like one on a plain. There the ground behind a house is as high as its roof within a
-    few metres, so that all sectors uphill speak for ground, and some of those along the slope;
-    above the hillside the house stands out on all sides. Where the terrain is rough, edges of
-    terraces and banks would do so, too: the slope that is no fall stays as it is.
+    looked at like one on a plain. On a hillside the ground behind a house is as high as its roof
+    within a few metres, so that no sector uphill speaks for a fall; above the plane the house falls
+    off there, too. Where the terrain is rough, edges of terraces and banks do so as well: there the
+    slope that is no fall stays what it is.
 
     Examples
     --------
     >>> lie = lie_of(0.3 * np.tile(np.arange(300.0), (96, 1)))
-    >>> bool(lie.inclined[48, 150]), float(lie.share[48, 150])
-    (True, 0.45)
-    >>> [round(float(fall[48, 150]), 2) for fall in (lie.fall, lie.fall_beside)]
+    >>> f"{lie.hidden[48, 150]:b}", round(float(lie.share[48, 150]), 2)
+    ('11000011', 0.45)
+    >>> [round(float(fall[48, 150]), 2) for fall in (lie.fall, lie.fall_above)]
     [0.5, 0.2]
     """
-    known = np.isfinite(surface).astype(np.float32)
+    known = np.isfinite(surface)
     plane = ((TREND_LEVEL, RELIEF / 2**TREND_LEVEL),)
-    hillside = planes_through(surface, known, plane, STIFF_TREND, ctx)
-    south, east, south_of_it, east_of_it = (
-        np.nan_to_num(each) for each in (*np.gradient(surface), *np.gradient(hillside))
-    )
-    slope = np.hypot(east, south)
-    beside = np.hypot(east - east_of_it, south - south_of_it)
-    relief = uniform_filter(beside.astype(np.float32), 2 * RELIEF + 1, mode="nearest")
-    rough = np.clip((relief - EVEN) / (ROUGH - EVEN), 0, 1)
+    hillside = planes_through(surface, known.astype(np.float32), plane, STIFF_TREND, ctx)
+    own, uphill = _gradient(np.where(known, surface, hillside)), _gradient(hillside)
+    slope, beside = np.hypot(*own), np.hypot(*(own - uphill))
+    relief = uniform_filter(beside, 2 * RELIEF + 1, mode="nearest")
+    rough = np.clip((relief - EVEN) / np.float32(ROUGH - EVEN), 0, 1)
     return Lie(
-        hillside=hillside,
-        inclined=np.hypot(east_of_it, south_of_it) > HILLSIDE,
+        hillside=hillside.astype(np.float32),
+        hidden=_hidden(*uphill),
         fall=_no_fall(slope),
-        fall_beside=_no_fall(beside + (slope - beside) * rough),
-        share=SHARE_EVEN + (SHARE_ROUGH - SHARE_EVEN) * rough,
+        fall_above=_no_fall(beside + (slope - beside) * rough),
+        share=SHARE_EVEN + np.float32(SHARE_ROUGH - SHARE_EVEN) * rough,
     )
 
 
-def _no_fall(slope: Floats) -> Cells:
+def _gradient(surface: Floats) -> Cells:
+    """Slope to the south and to the east, of shape (2, rows, cols)."""
+    return np.stack(np.gradient(surface)).astype(np.float32)
+
+
+def _no_fall(slope: Cells) -> Cells:
     """The slope that is no fall where the terrain has this slope."""
-    return np.minimum(SLOPE + SLOPE_GAIN * slope, 1.0).astype(np.float32)
+    return np.minimum(SLOPE + SLOPE_GAIN * slope, np.float32(1))
+
+
+def _hidden(south: Cells, east: Cells) -> NDArray[np.uint8]:
+    """Bits of the sectors that lie uphill on a hillside of this slope."""
+    octant = np.float32(math.pi / 4)
+    first = np.round(np.arctan2(south, east) / octant).astype(np.int8) - UPHILL // 2
+    bits = [sum(1 << (k + i) % 8 for i in range(UPHILL)) for k in range(8)]
+    uphill = np.array(bits, np.uint8)[first % 8]
+    return np.where(np.hypot(south, east) > HILLSIDE, uphill, np.uint8(0))
 
 
 def _looked_twice(
-    z: Cells, lie: Lie, thin: NDArray[np.bool_], step: Cells, ctx: Context
+    z: Cells, lie: Lie, thin: NDArray[np.bool_], steps: tuple[Cells, Cells | None], ctx: Context
 ) -> NDArray[np.bool_]:
     """True for cells that fall off in less than a share of the sectors, in the second of two looks.
 
-    For `thin` and `step` see :func:`raised_share`.
+    On hillsides sectors uphill without a fall are asked again, with heights above the plane.
+    `steps` are those down any way, and by sides, which hillsides need; for `thin` see
+    :func:`raised_share`.
     """
-    has, asked = np.isfinite(z), np.full((2, *z.shape), ALL_SECTORS)
-    asked[1][~lie.inclined] = 0
-    beside = (z - lie.hillside).astype(np.float32)
+    has, asked = np.isfinite(z), np.full(z.shape, ALL_SECTORS)
+    above = z - lie.hillside
     ground = has
     for k in range(2):
         part = ctx.part(0.5 * k, 0.5 + 0.5 * k)
-        votes = raised_share(z, ground, lie.fall, thin, step, part.part(0, 0.4), asked[0])
-        if lie.inclined.any():
-            views = ground, lie.fall_beside, thin, step
-            sides = raised_share(beside, *views, part.part(0.4, 0.8), asked[1])
-            votes = np.maximum(votes, sides)
+        votes = raised_share(z, ground, lie.fall, thin, steps[0], part.part(0, 0.4), asked)
+        if steps[1] is not None:
+            views = ground, lie.fall_above, thin, steps[1]
+            votes += raised_share(above, *views, part.part(0.4, 0.8), lie.hidden & ~asked)
         ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < lie.share)
     return ground
 
 
-def steps_below(z: Cells, ctx: Context) -> tuple[NDArray[np.bool_], Cells]:
-    """Which cells stand out of a surface without what is thin, and steep steps without it and with.
+def without_thin(z: Cells) -> Cells:
+    """Heights without what is thin, of the same shape.
 
     A bank with shrubs falls off gradually, and that these do so in steps says nothing of its top.
     Only for what is thin itself, as crowns are, all steps count.
-
-    Returns
-    -------
-    thin : array of shape (rows, cols), whether a cell is more than STEP above the opened surface
-    step : array of shape (2, rows / 2, cols / 2), steps of the opened surface, and of all cells
 
     References
     ----------
@@ -483,20 +501,32 @@ def steps_below(z: Cells, ctx: Context) -> tuple[NDArray[np.bool_], Cells]:
     low = minimum_filter(np.where(has, z, np.float32(np.inf)), WIDE)
     opened = maximum_filter(np.where(np.isfinite(low), low, np.float32(-np.inf)), WIDE)
     opened[~has] = np.nan
-    halves = ctx.part(0.0, 0.5), ctx.part(0.5, 1.0)
-    step = np.stack(
-        [steep_steps(each, part) for each, part in zip((opened, z), halves, strict=True)]
-    )
-    return z - opened > STEP, step
+    return opened
 
 
-def steep_steps(z: Cells, ctx: Context) -> Cells:
-    """The largest step down within STEP_REACH of each 2 x 2 cells, shape (rows / 2, cols / 2)."""
+def steps_down(z: Cells, opened: Cells, ways: Iterable[int], ctx: Context) -> Cells:
+    """The largest steps down within STEP_REACH of each 2 x 2 cells.
+
+    Parameters
+    ----------
+    z : array of shape (rows, cols)
+    opened : the same without what is thin
+    ways : ANY or SIDES; on a terrace the wall above leads down to it, but not away from its edge
+
+    Returns
+    -------
+    array of shape (2, ways, rows / 2, cols / 2): steps without what is thin, and of all cells
+    """
+    ways = tuple(ways)
+    found = np.empty((2, len(ways), z.shape[0] // 2, z.shape[1] // 2), np.float32)
     step = np.empty_like(z)
-    for first, last in blocks(len(z), z.shape[1]):
-        kernels.steps(z, first, last, STEP_REACH, STEP_SLOPE, step)
-        ctx.progress(last / len(z))
-    return of_four(np.maximum, maximum_filter(step, 3))
+    for k, heights in enumerate((opened, z)):
+        for m, way in enumerate(ways):
+            for first, last in blocks(len(z), z.shape[1]):
+                kernels.steps(heights, first, last, STEP_REACH, STEP_SLOPE, way, step)
+            found[k, m] = of_four(np.maximum, maximum_filter(step, 3))
+            ctx.progress((k * len(ways) + m + 1) / (2 * len(ways)))
+    return found
 
 
 def of_four(either: np.ufunc, cells: Cells) -> Cells:
@@ -531,10 +561,11 @@ def raised_share(
 ) -> Cells:
     """Share of the eight sectors in which each cell drops abruptly to cells of `ground`.
 
-    `thin` and `step` are those of :func:`steps_below`. `asked`, of shape (rows, cols), are bits of
-    the sectors in which there may be a fall, all by default. It receives those in which there is
-    one: where part of the ground is taken out there is none elsewhere, as long as nothing else
-    changes.
+    `thin` is what stands more than STEP above the surface without it; of `step`, see
+    :func:`steps_down`, those down the way count, if they are told by sides. `asked`, of shape
+    (rows, cols), are bits of the sectors in which there may be a fall, all by default. It receives
+    those in which there is one: where part of the ground is taken out there is none elsewhere, as
+    long as nothing else changes.
     """
     asked = np.full(z.shape, ALL_SECTORS) if asked is None else asked
     low = np.where(ground, z, np.float32(np.inf))

@@ -15,8 +15,11 @@ from algorithms.shared.kernels.compiling import helper, inlined, kernel
 
 
 @kernel
-def steps(z, first, last, reach, slope, out):
-    """The largest step down from each cell to one within `reach`, minus what `slope` explains."""
+def steps(z, first, last, reach, slope, side, out):
+    """The largest step down from each cell to one within `reach`, minus what `slope` explains.
+
+    `side` tells which way it leads: 0 to 3 to the south, north, east or west, and -1 any.
+    """
     rows, cols = z.shape
     deepest = np.empty(cols)
     for r in range(first, last):
@@ -24,12 +27,19 @@ def steps(z, first, last, reach, slope, out):
         for i in range(max(0, r - reach), min(rows, r + reach + 1)):
             for right in range(-reach, reach + 1):
                 square = (i - r) ** 2 + right**2
-                if 0 < square <= reach * reach:
+                if 0 < square <= reach * reach and (side < 0 or _leads(side, i - r, right)):
                     start = max(0, -right)
                     stop = max(start, min(cols, cols - right))  # none beyond a narrow grid
                     there, least = z[i, start + right : stop + right], slope * math.sqrt(square)
                     _deepen(z[r, start:stop], there, least, deepest[start:stop])
         out[r] = deepest
+
+
+@helper
+def _leads(side, south, east):
+    """Whether a way leads to a side, or to halfway between that and the next one."""
+    along, across = (south, east) if side < 2 else (east, south)
+    return (-along if side % 2 else along) >= abs(across)
 
 
 @helper
@@ -90,12 +100,17 @@ def _falls(r, c, slope, lows, minima, look, offsets, starts, away, nearest, limi
 
 @helper
 def _is_abrupt(step, r, c, south, east, least):
-    """Whether the straight way has a step of at least `least`; `step` has cells of 2 m."""
+    """Whether the straight way has a step of at least `least`, down it if `step` tells sides.
+
+    `step` has cells of 2 m, and is of shape (1, rows, cols), or (4, rows, cols) for the sides.
+    """
     count = int(max(abs(south), abs(east)) / 2) + 1
     for t in range(count + 1):
         i, j = int(r + 0.5 + south * t / count) >> 1, int(c + 0.5 + east * t / count) >> 1
-        if i < step.shape[0] and j < step.shape[1] and step[i, j] > least:
-            return True
+        if i < step.shape[1] and j < step.shape[2]:
+            for side in range(len(step)):
+                if step[side, i, j] > least and (len(step) == 1 or _leads(side, south, east)):
+                    return True
     return False
 
 
@@ -266,19 +281,22 @@ def _plane(m, hold, enough, out):
 
 @kernel
 def add_bilinear(surface, coarse, level):
-    """Add a surface with cells of 2**level metres to a surface, interpolated bilinearly."""
+    """Add a surface with cells of 2**level metres to a surface, interpolated bilinearly.
+
+    Beyond the middle of its outer cells it goes on as between the last two: hillsides do so.
+    """
     size = 1 << level
     rows, cols = coarse.shape
     lines = np.empty((rows, surface.shape[1]))
     for c in range(surface.shape[1]):
-        x = min(max((c + 0.5) / size - 0.5, 0.0), cols - 1.0)
-        j = min(int(x), max(cols - 2, 0))
+        x = (c + 0.5) / size - 0.5
+        j = min(int(max(x, 0.0)), max(cols - 2, 0))
         right, u = min(j + 1, cols - 1), x - j
         for i in range(rows):
             lines[i, c] = coarse[i, j] * (1 - u) + coarse[i, right] * u
     for r in range(surface.shape[0]):
-        y = min(max((r + 0.5) / size - 0.5, 0.0), rows - 1.0)
-        i = min(int(y), max(rows - 2, 0))
+        y = (r + 0.5) / size - 0.5
+        i = min(int(max(y, 0.0)), max(rows - 2, 0))
         below, v = min(i + 1, rows - 1), y - i
         for c in range(surface.shape[1]):
             surface[r, c] += lines[i, c] * (1 - v) + lines[below, c] * v

@@ -441,18 +441,18 @@ def lie_of(surface: Floats, ctx: Context = QUIET) -> Lie:
         hidden=_hidden(*uphill),
         fall=_no_fall(slope),
         fall_above=_no_fall(beside + (slope - beside) * rough),
-        share=SHARE_EVEN + np.float32(SHARE_ROUGH - SHARE_EVEN) * rough,
+        share=(SHARE_EVEN + (SHARE_ROUGH - SHARE_EVEN) * rough).astype(np.float32),
     )
 
 
 def _gradient(surface: Floats) -> Cells:
     """Slope to the south and to the east, of shape (2, rows, cols)."""
-    return np.stack(np.gradient(surface)).astype(np.float32)
+    return np.asarray(np.gradient(surface), np.float32)
 
 
 def _no_fall(slope: Cells) -> Cells:
     """The slope that is no fall where the terrain has this slope."""
-    return np.minimum(SLOPE + SLOPE_GAIN * slope, np.float32(1))
+    return np.minimum(np.float32(SLOPE) + np.float32(SLOPE_GAIN) * slope, np.float32(1))
 
 
 def _hidden(south: Cells, east: Cells) -> NDArray[np.uint8]:

@@ -452,7 +452,8 @@ def _gradient(surface: Floats) -> Cells:
 
 def _no_fall(slope: Cells) -> Cells:
     """The slope that is no fall where the terrain has this slope."""
-    return np.minimum(np.float32(SLOPE) + np.float32(SLOPE_GAIN) * slope, np.float32(1))
+    fall: Cells = np.minimum(SLOPE + SLOPE_GAIN * slope, 1.0).astype(np.float32)
+    return fall
 
 
 def _hidden(south: Cells, east: Cells) -> NDArray[np.uint8]:

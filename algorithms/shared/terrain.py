@@ -446,8 +446,8 @@ def lie_of(surface: Floats, ctx: Context = QUIET) -> Lie:
 
 
 def _gradient(surface: Floats) -> Cells:
-    """Slope to the south and to the east, of shape (2, rows, cols)."""
-    return np.asarray(np.gradient(surface), np.float32)
+    """Slope to the south and to the east, of shape (2, rows, cols), 0 where there is none."""
+    return np.nan_to_num(np.asarray(np.gradient(surface), np.float32), copy=False)
 
 
 def _no_fall(slope: Cells) -> Cells:

@@ -199,6 +199,14 @@ def test_a_hillside_is_that_of_what_is_known() -> None:
     assert lie.hidden[:, :40].all()
 
 
+def test_far_from_all_ground_there_is_no_hillside() -> None:
+    surface = np.full((96, 640), np.nan)
+    surface[:, :32] = sloping(0.0, 0.3, (96, 32))
+    lie = finding.lie_of(surface)
+    assert lie.hidden[:, :32].all()
+    assert not lie.hidden[:, 320:].any()
+
+
 @pytest.mark.parametrize(("slope", "most"), [(0.1, 0.03), (0.2, 0.03), (0.4, 0.2)])
 def test_towns_on_even_hillsides_are_no_ground(slope: float, most: float) -> None:
     """Rows of houses up the hill, of 3 to 6 m, 1 point in 2 m2; 24, 41, 76 % of the roofs were."""

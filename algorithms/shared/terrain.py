@@ -61,11 +61,14 @@ FALL = 0.2  # metres below which the terrain must be, beyond what the slope expl
 FIRST_SLOPE, FIRST_SHARE = 0.5, 5 / 8  # for the first look, before the terrain is known
 SLOPE, SLOPE_GAIN = 0.2, 1.0  # what counts as a fall, on level ground and per slope of the terrain
 RELIEF = 50  # metres: half the window of the relief; as far a plane reaches that is the hillside
-TREND_LEVEL = 3  # cells of 8 m for that plane, a sixth of its reach
-EVEN, ROUGH = 0.02, 0.045  # mean slope beside that plane between which the verdict changes ...
-SHARE_EVEN, SHARE_ROUGH = 0.45, 0.7  # ... from this share of sectors to that
-HILLSIDE = 0.1  # slope of that plane from which the ground behind a house hides it ...
-UPHILL = 4  # ... in so many sectors
+PLANE_LEVEL = 3  # cells of 8 m for that plane, a sixth of its reach
+# Mean slopes between which the verdict changes, of the plane from level to hillside, and of the
+# terrain beside the plane from even to rough. An edge of a terrace falls off in half of the
+# sectors, so that on hillsides five of the eight must do so; rough ground has falls of its own.
+LITTLE, MUCH = 0.02, 0.045
+SHARE_LEVEL, SHARE_HILLSIDE, SHARE_ROUGH = 0.45, 5 / 8, 0.7
+HILLSIDE = 0.1  # slope of that plane from which the ground behind a house hides it, a metre in 10 m
+UPHILL = 4  # sectors in which it does: all but those along the slope and downhill
 ANY, SIDES = (-1,), range(4)  # ways of a step down: whichever, or one of the sides by itself
 WIDE = 3  # cells; what is narrower, as a shrub, makes no step for what lies above it
 SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = (
@@ -78,7 +81,11 @@ COARSE = ((4, 2.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cel
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 BENDING = ((0, 3.0), (0, 1.5), (0, 1.0))  # what follows the edges that are known by then
 ENOUGH = 2.0  # points in a window
-STIFF_TREND, STIFF_COARSE, STIFF = 0.001, 0.25, 1.0  # how much a plane resists to tilt
+STIFF_PLANE, STIFF_COARSE, STIFF = (
+    0.001,
+    0.25,
+    1.0,
+)  # resistance to tilt; the first only parts 0 / 0
 ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
 # Known ground has mistakes where more than this share of the cells within RELIEF stands out by so
 # many metres, each with ground in less than half of the cells around. Towns with right classes have
@@ -367,8 +374,8 @@ def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
 def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     """True for cells whose lowest point is not raised above its surroundings on all sides.
 
-    The first look takes any slope below FIRST_SLOPE for terrain. It yields a coarse surface, whose
-    lie tells the second look what a fall is here. In the third, what was taken out is no longer
+    The first look takes any slope below FIRST_SLOPE for terrain. It yields a coarse surface,
+    which tells the second look what a fall is here. In the third, what was taken out is no longer
     in the way of what it hid.
     """
     has, opened = np.isfinite(z), without_thin(z)
@@ -379,70 +386,86 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     coarse = robust_surface(
         z, has & (votes < FIRST_SHARE), COARSE, STIFF_COARSE, ctx.part(0.4, 0.45)
     )
-    lie = lie_of(coarse, ctx.part(0.45, 0.5))
-    beside = None
-    if lie.hidden.any():
-        beside = steps_down(z, opened, SIDES, ctx.part(0.5, 0.6))
-    ground = _looked_twice(z, lie, thin, (step, beside), ctx.part(0.6, 0.95))
+    hill = hillside_of(coarse, ctx.part(0.45, 0.5))
+    by_sides = None
+    if hill.hidden.any():
+        by_sides = steps_down(z, opened, SIDES, ctx.part(0.5, 0.6))
+    ground = _looked_twice(z, hill, thin, step, by_sides, ctx.part(0.6, 0.95))
     ctx.progress(1.0)
     return ground
 
 
 @dataclass(frozen=True)
-class Lie:
-    """How the terrain lies: a hillside, and how rough the terrain is on it.
+class Hillside:
+    """The plane on which a place of the terrain lies, and how rough the terrain is beside it.
 
     Attributes
     ----------
-    hillside : array of shape (rows, cols), heights of a plane in the surroundings, in metres
+    plane : array of shape (rows, cols), height of the plane through the surroundings, in metres
     hidden : bits of the sectors uphill, where the ground may hide that a house falls off
-    fall, fall_above : slope that is no fall, for heights and for heights above the hillside
+    fall, fall_above : slope that is no fall, for heights and for heights above the plane
     share : of the sectors that must fall off from what is no ground
 
     Examples
     --------
-    >>> lie_of(np.zeros((96, 300))).share.shape
+    >>> hillside_of(np.zeros((96, 300))).share.shape
     (96, 300)
     """
 
-    hillside: Cells
+    plane: Cells
     hidden: NDArray[np.uint8]
     fall: Cells
     fall_above: Cells
     share: Cells
 
 
-def lie_of(surface: Floats, ctx: Context = QUIET) -> Lie:
-    """How a surface lies, of shape (rows, cols) with cells of a metre, NaN where there is none.
+def hillside_of(surface: Floats, ctx: Context = QUIET) -> Hillside:
+    """The hillside on which each cell lies.
 
-    Relief is what the terrain does beside the plane of the hillside: a town on an even hillside is
-    looked at like one on a plain. On a hillside the ground behind a house is as high as its roof
-    within a few metres, so that no sector uphill speaks for a fall; above the plane the house falls
-    off there, too. Where the terrain is rough, edges of terraces and banks do so as well: there the
-    slope that is no fall stays what it is.
+    On a hillside the ground behind a house is as high as its roof within a few metres, so that no
+    sector uphill speaks for a fall; above the plane of the hillside the house falls off there, too.
+    Where the slope of the terrain departs much from that of the plane, banks and edges of terraces
+    do so as well: there the same slope is no fall for heights above the plane as for heights.
+
+    Parameters
+    ----------
+    surface : array of shape (rows, cols) with cells of a metre, NaN where nothing is known
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    Hillside
 
     Examples
     --------
-    >>> lie = lie_of(0.3 * np.tile(np.arange(300.0), (96, 1)))
-    >>> f"{lie.hidden[48, 150]:b}", round(float(lie.share[48, 150]), 2)
-    ('11000011', 0.45)
-    >>> [round(float(fall[48, 150]), 2) for fall in (lie.fall, lie.fall_above)]
+    >>> hill = hillside_of(0.3 * np.tile(np.arange(300.0), (96, 1)))
+    >>> f"{hill.hidden[48, 150]:b}", round(float(hill.share[48, 150]), 3)
+    ('11000011', 0.625)
+    >>> [round(float(fall[48, 150]), 2) for fall in (hill.fall, hill.fall_above)]
     [0.5, 0.2]
     """
     known = np.isfinite(surface)
-    plane = ((TREND_LEVEL, RELIEF / 2**TREND_LEVEL),)
-    hillside = planes_through(surface, known.astype(np.float32), plane, STIFF_TREND, ctx)
-    own, uphill = _gradient(np.where(known, surface, hillside)), _gradient(hillside)
-    slope, beside = np.hypot(*own), np.hypot(*(own - uphill))
-    relief = uniform_filter(beside, 2 * RELIEF + 1, mode="nearest")
-    rough = np.clip((relief - EVEN) / np.float32(ROUGH - EVEN), 0, 1)
-    return Lie(
-        hillside=hillside.astype(np.float32),
-        hidden=_hidden(*uphill),
+    level = ((PLANE_LEVEL, RELIEF / 2**PLANE_LEVEL),)
+    plane = planes_through(surface, known.astype(np.float32), level, STIFF_PLANE, ctx)
+    own, uphill = _gradient(np.where(known, surface, plane)), _gradient(plane)
+    slope, beside, tilt = np.hypot(*own), np.hypot(*(own - uphill)), np.hypot(*uphill)
+    rough = _how_much(uniform_filter(beside, 2 * RELIEF + 1, mode="nearest"))
+    share = np.maximum(
+        (SHARE_HILLSIDE - SHARE_LEVEL) * _how_much(tilt), (SHARE_ROUGH - SHARE_LEVEL) * rough
+    )
+    return Hillside(
+        plane=plane.astype(np.float32),
+        hidden=np.where(tilt > HILLSIDE, _sectors_towards(*uphill), np.uint8(0)),
         fall=_no_fall(slope),
         fall_above=_no_fall(beside + (slope - beside) * rough),
-        share=(SHARE_EVEN + (SHARE_ROUGH - SHARE_EVEN) * rough).astype(np.float32),
+        share=(SHARE_LEVEL + share).astype(np.float32),
     )
+
+
+def _how_much(slope: Cells) -> Cells:
+    """From 0 where a slope is LITTLE to 1 where it is MUCH."""
+    much: Cells = np.clip((slope - LITTLE) / np.float32(MUCH - LITTLE), 0, 1)
+    return much
 
 
 def _gradient(surface: Floats) -> Cells:
@@ -456,34 +479,37 @@ def _no_fall(slope: Cells) -> Cells:
     return fall
 
 
-def _hidden(south: Cells, east: Cells) -> NDArray[np.uint8]:
-    """Bits of the sectors that lie uphill on a hillside of this slope."""
+def _sectors_towards(south: Cells, east: Cells) -> NDArray[np.uint8]:
+    """Bits of the sectors, as many as UPHILL, around a direction."""
     octant = np.float32(math.pi / 4)
     first = np.round(np.arctan2(south, east) / octant).astype(np.int8) - UPHILL // 2
     bits = [sum(1 << (k + i) % 8 for i in range(UPHILL)) for k in range(8)]
-    uphill = np.array(bits, np.uint8)[first % 8]
-    return np.where(np.hypot(south, east) > HILLSIDE, uphill, np.uint8(0))
+    return np.array(bits, np.uint8)[first % 8]
 
 
 def _looked_twice(
-    z: Cells, lie: Lie, thin: NDArray[np.bool_], steps: tuple[Cells, Cells | None], ctx: Context
+    z: Cells,
+    hill: Hillside,
+    thin: NDArray[np.bool_],
+    step: Cells,
+    step_by_sides: Cells | None,
+    ctx: Context,
 ) -> NDArray[np.bool_]:
     """True for cells that fall off in less than a share of the sectors, in the second of two looks.
 
-    On hillsides sectors uphill without a fall are asked again, with heights above the plane.
-    `steps` are those down any way, and by sides, which hillsides need; for `thin` see
-    :func:`raised_share`.
+    On hillsides sectors uphill without a fall are asked again, with heights above the plane; only
+    that needs the steps by sides. For `thin` and `step` see :func:`raised_share`.
     """
     has, asked = np.isfinite(z), np.full(z.shape, ALL_SECTORS)
-    above = z - lie.hillside
+    above = z - hill.plane
     ground = has
     for k in range(2):
         part = ctx.part(0.5 * k, 0.5 + 0.5 * k)
-        votes = raised_share(z, ground, lie.fall, thin, steps[0], part.part(0, 0.4), asked)
-        if steps[1] is not None:
-            views = ground, lie.fall_above, thin, steps[1]
-            votes += raised_share(above, *views, part.part(0.4, 0.8), lie.hidden & ~asked)
-        ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < lie.share)
+        votes = raised_share(z, ground, hill.fall, thin, step, part.part(0, 0.4), asked)
+        if step_by_sides is not None:
+            looks = part.part(0.4, 0.8), hill.hidden & ~asked
+            votes += raised_share(above, ground, hill.fall_above, thin, step_by_sides, *looks)
+        ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < hill.share)
     return ground
 
 

@@ -194,20 +194,46 @@ def test_a_hillside_is_that_of_what_is_known() -> None:
     """Where there is no ground in sight, the plane goes on."""
     surface = sloping(0.0, 0.6)
     surface[:, :40] = np.nan
-    lie = finding.lie_of(surface)
-    np.testing.assert_allclose(lie.hillside[:, 40:], surface[:, 40:], atol=0.1)
-    assert lie.hidden[:, :40].all()
+    hill = finding.hillside_of(surface)
+    np.testing.assert_allclose(hill.plane[:, 40:], surface[:, 40:], atol=0.1)
+    assert hill.hidden[:, :40].all()
+
+
+@pytest.mark.parametrize(
+    ("slope", "wall", "most"), [(0.2, 3, 0.01), (0.35, 6, 0.03), (0.5, 6, 0.03)]
+)
+def test_terraces_of_even_hillsides_are_ground(slope: float, wall: float, most: float) -> None:
+    """Without relief beside the plane; up to 24 % was lost where their edges had to fall off in
+    less than half of the sectors."""
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0, 300, (2, 180_000))
+    height = slope * (0.92 * x + 0.39 * y)
+    z = np.floor(height / wall) * wall + 0.2 * (height % wall) + rng.normal(0, 0.03, len(x))
+    assert (~labels(np.column_stack([x, y, z]))).mean() < most
+
+
+@pytest.mark.parametrize("shape", ["arms of an L", "diagonal strip", "islands"])
+def test_far_from_all_data_nothing_happens(shape: str) -> None:
+    """The rest of the bounding box is as far as 500 m from any point."""
+    x, y = np.random.default_rng(1).uniform(0, 800, (2, 400_000))
+    there = {
+        "arms of an L": np.minimum(x, y) < 60,
+        "diagonal strip": np.abs(x - y) < 60,
+        "islands": (np.maximum(x, y) < 60) | (np.minimum(x, y) > 740),
+    }[shape]
+    xyz = np.column_stack([x, y, 0.15 * x])[there]
+    assert labels(xyz).all()
 
 
 def test_far_from_all_ground_there_is_no_hillside() -> None:
     surface = np.full((96, 640), np.nan)
     surface[:, :32] = sloping(0.0, 0.3, (96, 32))
-    lie = finding.lie_of(surface)
-    assert lie.hidden[:, :32].all()
-    assert not lie.hidden[:, 320:].any()
+    hill = finding.hillside_of(surface)
+    assert hill.hidden[:, :32].all()
+    assert not hill.hidden[:, 320:].any()
 
 
-@pytest.mark.parametrize(("slope", "most"), [(0.1, 0.03), (0.2, 0.03), (0.4, 0.2)])
+@pytest.mark.parametrize(("slope", "most"), [(0.1, 0.17), (0.2, 0.15), (0.4, 0.31)])
 def test_towns_on_even_hillsides_are_no_ground(slope: float, most: float) -> None:
     """Rows of houses up the hill, of 3 to 6 m, 1 point in 2 m2; 24, 41, 76 % of the roofs were."""
     rng = np.random.default_rng(5)
@@ -568,29 +594,37 @@ def sloping(south: float, east: float, shape: tuple[int, int] = (160, 320)) -> F
 )
 def test_sectors_uphill_are_hidden_on_slopes(south: float, east: float, bits: int) -> None:
     """Sector 0 is from east to southeast, and so on round; four of them see the rise."""
-    lie = finding.lie_of(sloping(south, east))
-    assert (lie.hidden == bits).all()
+    hill = finding.hillside_of(sloping(south, east))
+    assert (hill.hidden == bits).all()
 
 
-def test_the_share_that_must_fall_off_follows_what_is_beside_the_plane_of_a_hillside() -> None:
-    """An even slope of 0.4 is looked at like a plain, banks of 0.05 on it like hills."""
-    even, wave = sloping(0.0, 0.4), sloping(0.0, 1.0)
-    share = {
-        bank: finding.lie_of(even + bank * 20 / np.pi * np.sin(wave * np.pi / 20)).share
-        for bank in (0.0, 0.05, 0.09)
-    }  # mean slopes of 0, 0.032 and 0.057 beside the plane
-    np.testing.assert_allclose(share[0.0], finding.SHARE_EVEN, atol=0.01)
-    assert 0.5 < np.median(share[0.05]) < 0.65
-    np.testing.assert_allclose(share[0.09][60:100, 100:220], finding.SHARE_ROUGH, atol=0.01)
+@pytest.mark.parametrize(
+    ("slope", "bank", "low", "high"),
+    [
+        (0.01, 0.0, 0.449, 0.451),
+        (0.4, 0.0, 0.624, 0.626),
+        (0.03, 0.0, 0.51, 0.53),
+        (0.0, 0.05, 0.53, 0.61),  # a mean slope of 0.03 beside the plane
+        (0.4, 0.05, 0.62, 0.63),
+        (0.4, 0.09, 0.69, 0.71),
+    ],
+)
+def test_the_share_that_must_fall_off_follows_the_plane_and_what_is_beside_it(
+    slope: float, bank: float, low: float, high: float
+) -> None:
+    """More than 0.45 on hillsides, 5 in 8, and on rough ground, 0.7; an even one is not rough."""
+    waves = bank * 20 / np.pi * np.sin(sloping(0.0, np.pi / 20))
+    share = finding.hillside_of(sloping(0.0, slope) + waves).share[50:110, 100:220]
+    assert low <= share.min() <= share.max() <= high
 
 
 def test_the_plane_of_a_hillside_is_that_of_a_hundred_metres() -> None:
     """A ridge of 200 m is two hillsides, one of 50 m is none but rough."""
     col = np.mgrid[0:160, 0:400][1]
     wide, narrow = (0.3 * np.abs((col + half) % (2 * half) - half) for half in (200, 25))
-    lie, rough = finding.lie_of(wide.astype(float)), finding.lie_of(narrow.astype(float))
-    assert lie.hidden[40:-40, 80:120].all()
-    assert lie.hidden[40:-40, 280:320].all()
+    hill, rough = finding.hillside_of(wide.astype(float)), finding.hillside_of(narrow.astype(float))
+    assert hill.hidden[40:-40, 80:120].all()
+    assert hill.hidden[40:-40, 280:320].all()
     assert not rough.hidden[40:-40, 40:-40].any()
     np.testing.assert_allclose(rough.share, finding.SHARE_ROUGH)
 
@@ -747,13 +781,13 @@ def test_a_fall_is_steeper_than_the_surface_and_above_a_hillside_than_what_is_be
     rows, cols = np.mgrid[0:160, 0:320]
     surface = 0.3 * rows + 0.4 * cols
     surface[:5] = np.nan
-    lie = finding.lie_of(surface)
-    np.testing.assert_allclose(lie.fall[10:], 0.2 + 0.5, atol=1e-4)
-    np.testing.assert_allclose(lie.fall_above[10:], 0.2, atol=0.01)
+    hill = finding.hillside_of(surface)
+    np.testing.assert_allclose(hill.fall[10:], 0.2 + 0.5, atol=1e-4)
+    np.testing.assert_allclose(hill.fall_above[10:], 0.2, atol=0.01)
     bank = 0.3 * rows + 0.9 * np.abs(cols % 20 - 10)
-    lie = finding.lie_of(bank)  # rough: no less than for heights
-    np.testing.assert_allclose(lie.share, finding.SHARE_ROUGH)
-    np.testing.assert_array_equal(lie.fall_above, lie.fall)
+    hill = finding.hillside_of(bank)  # rough: no less than for heights
+    np.testing.assert_allclose(hill.share, finding.SHARE_ROUGH)
+    np.testing.assert_array_equal(hill.fall_above, hill.fall)
 
 
 def test_a_robust_surface_leaves_what_stands_on_it() -> None:
@@ -986,7 +1020,7 @@ def test_tiles_with_their_halo_have_the_labels_of_the_whole(data: Callable[[str]
             found, confidence = verdict(xyz[tile], find_terrain(xyz[tile]))
             core = ahead[tile] >= 0
             differ[halo] += int((found != whole[tile])[core].sum())
-            if halo > finding.KNOWN_HALO:
+            if halo > finding.KNOWN_HALO:  # which is for ground that is known: labels count
                 worst = max(worst, float(np.abs(confidence - sure[tile])[core].max()))
     assert differ.pop(64.0) > 0
     assert set(differ.values()) == {0}

@@ -199,7 +199,7 @@ class _Share(NamedTuple):
     @property
     def error(self) -> float:
         """Standard error of the share (binomial)."""
-        return math.sqrt(self.mean * (1 - self.mean) / self.cells)
+        return math.sqrt(self.mean * (1 - self.mean) / max(self.cells, 1))
 
 
 def _scale(

@@ -24,7 +24,8 @@ def by_chance(shades: Floats, xyz: Floats) -> bool:
     """Whether points side by side differ in their intensity as much as any two do.
 
     Walls, panes and goods each send back their own share of the light, so neighbours are alike. The
-    ranks of intensities are looked at, as a few may be far brighter than all others.
+    ranks of intensities are looked at, as a few may be far brighter than all others. An intensity
+    that all points share tells nothing either, but not by chance.
 
     Parameters
     ----------
@@ -45,6 +46,7 @@ def by_chance(shades: Floats, xyz: Floats) -> bool:
         return False
     ranks = np.searchsorted(np.sort(shades), shades).astype(float)
     nearest = np.asarray(KDTree(xyz).query(xyz, k=[2])[1])[:, 0]  # the first is the point itself
-    beside = float(np.mean((ranks - ranks[nearest]) ** 2)) / 2
+    beside, any_two = (ranks - ranks[nearest]) ** 2 / 2, float(np.var(ranks))
     # Pairs that are each other's nearest count twice, so half as many tell.
-    return beside >= float(np.var(ranks)) * (1 - SIGMAS * math.sqrt(2 / len(xyz)))
+    error = float(np.std(beside)) * math.sqrt(2 / len(xyz))
+    return any_two > 0 and float(np.mean(beside)) >= any_two - SIGMAS * error

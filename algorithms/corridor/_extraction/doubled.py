@@ -104,8 +104,9 @@ def meeting(one: Side | None, other: Side | None) -> list[tuple[Catenary, Catena
 def between(one: Support, other: Support, wires: Sequence[tuple[Catenary, Catenary]]) -> Support:
     """The support that two are, where the wires of both sides meet.
 
-    Both places are known too, though each by one of these spans and by another form of the next.
-    Where they differ by more than they are known to, neither is known as well (Birge 1932).
+    Each of the two places comes from one span at its own tolerance and from the next at that, too,
+    so both count. Where they differ by more than their standard deviations, these are too small and
+    grow by that factor (Birge 1932).
 
     References
     ----------
@@ -114,12 +115,14 @@ def between(one: Support, other: Support, wires: Sequence[tuple[Catenary, Catena
     """
     places = np.array([(one.x, one.y), (other.x, other.y)])
     away = float(np.hypot(*(places[1] - places[0])))
-    way = (places[1] - places[0]) / away
-    weights = np.array([1 / max(s.sd_along, STEP) ** 2 for s in (one, other)])
-    off = max(1.0, away / math.hypot(one.sd_along, other.sd_along))
+    way = (places[1] - places[0]) / max(away, STEP)
+    sigmas = np.maximum([one.sd_along, other.sd_along], STEP)
+    weights = 1 / sigmas**2
+    off = max(1.0, away / math.hypot(*sigmas))
     steps = np.arange(-SETTINGS.arcs.most_shift, away + SETTINGS.arcs.most_shift, STEP)
-    usual = away * weights[1] / weights.sum() if weights.sum() else away / 2
-    cost = weights.sum() / off**2 * (steps - usual) ** 2
+    known = weights.sum()  # 0 if both deviations are infinite
+    usual = away * weights[1] / known if known else away / 2
+    cost = known / off**2 * (steps - usual) ** 2
     spots = np.column_stack([places[0] + steps[:, None] * way, np.zeros(len(steps))])
     for curves in wires:
         (low, low_sigma), (high, high_sigma) = (height_at(curve, spots) for curve in curves)

@@ -203,8 +203,7 @@ def test_a_hillside_is_that_of_what_is_known() -> None:
     ("slope", "wall", "most"), [(0.2, 3, 0.01), (0.35, 6, 0.03), (0.5, 6, 0.03)]
 )
 def test_terraces_of_even_hillsides_are_ground(slope: float, wall: float, most: float) -> None:
-    """Without relief beside the plane; up to 24 % was lost where their edges had to fall off in
-    less than half of the sectors."""
+    """Up to 24 % was lost where their edges had to fall off in less than half of the sectors."""
     rng = np.random.default_rng(1)
     x, y = rng.uniform(0, 300, (2, 180_000))
     height = slope * (0.92 * x + 0.39 * y)

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -69,23 +68,16 @@ LITTLE, MUCH = 0.02, 0.045
 SHARE_LEVEL, SHARE_HILLSIDE, SHARE_ROUGH = 0.45, 5 / 8, 0.7
 HILLSIDE = 0.1  # slope of that plane from which the ground behind a house hides it, a metre in 10 m
 UPHILL = 4  # sectors in which it does: all but those along the slope and downhill
-ANY, SIDES = (-1,), range(4)  # ways of a step down: whichever, or one of the sides by itself
+ANY, SIDES = (-1,), (0, 1, 2, 3)  # ways of a step down: whichever; south, north, east or west
 WIDE = 3  # cells; what is narrower, as a shrub, makes no step for what lies above it
-SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = (
-    0.2,
-    0.2,
-    4,
-    3,
-)  # cells on one plane are judged alike
+# Cells on one plane are judged alike: metres, metres per metre, cells, rounds.
+SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = 0.2, 0.2, 4, 3
 COARSE = ((4, 2.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cells of that level
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 BENDING = ((0, 3.0), (0, 1.5), (0, 1.0))  # what follows the edges that are known by then
 ENOUGH = 2.0  # points in a window
-STIFF_PLANE, STIFF_COARSE, STIFF = (
-    0.001,
-    0.25,
-    1.0,
-)  # resistance to tilt; the first only parts 0 / 0
+# How much a plane resists to tilt: that of a hillside hardly, so that points in a line have one.
+STIFF_PLANE, STIFF_COARSE, STIFF = 0.001, 0.25, 1.0
 ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
 # Known ground has mistakes where more than this share of the cells within RELIEF stands out by so
 # many metres, each with ground in less than half of the cells around. Towns with right classes have
@@ -531,7 +523,7 @@ def without_thin(z: Cells) -> Cells:
     return opened
 
 
-def steps_down(z: Cells, opened: Cells, ways: Iterable[int], ctx: Context) -> Cells:
+def steps_down(z: Cells, opened: Cells, ways: tuple[int, ...], ctx: Context) -> Cells:
     """The largest steps down within STEP_REACH of each 2 x 2 cells.
 
     Parameters
@@ -544,7 +536,6 @@ def steps_down(z: Cells, opened: Cells, ways: Iterable[int], ctx: Context) -> Ce
     -------
     array of shape (2, ways, rows / 2, cols / 2): steps without what is thin, and of all cells
     """
-    ways = tuple(ways)
     found = np.empty((2, len(ways), z.shape[0] // 2, z.shape[1] // 2), np.float32)
     step = np.empty_like(z)
     for k, heights in enumerate((opened, z)):

@@ -190,10 +190,11 @@ def setting_name(setting: str) -> str | None:
 
 
 @contextmanager
-def listening() -> Iterator[list[str]]:
+def listening(*, aloud: bool = True) -> Iterator[list[str]]:
     """The warnings that are logged meanwhile, which belong to the result.
 
-    Where nothing else takes them, as in a script, they are printed on standard error.
+    Where nothing else takes them, as in a script, they are printed on standard error. If they are
+    not told `aloud`, nothing beyond the logger of the toolbox hears them.
 
     Examples
     --------
@@ -204,7 +205,7 @@ def listening() -> Iterator[list[str]]:
     """
     texts: list[str] = []
     # A handler, as the ear is one, silences the printing that logging does where there is none.
-    last = None if log.hasHandlers() else logging.lastResort
+    last = logging.lastResort if aloud and not log.hasHandlers() else None
 
     def emit(record: logging.LogRecord) -> None:
         texts.append(record.getMessage())
@@ -214,10 +215,12 @@ def listening() -> Iterator[list[str]]:
     ear = logging.Handler(logging.WARNING)
     ear.emit = emit  # type: ignore[method-assign]
     log.addHandler(ear)
+    before, log.propagate = log.propagate, log.propagate and aloud
     try:
         yield texts
     finally:
         log.removeHandler(ear)
+        log.propagate = before
 
 
 QUIET = Context()  # reports nothing, and is never cancelled

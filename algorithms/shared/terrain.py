@@ -67,7 +67,7 @@ PLANE_LEVEL = 3  # cells of 8 m for that plane, a sixth of its reach
 LITTLE, MUCH = 0.02, 0.045
 SHARE_LEVEL, SHARE_HILLSIDE, SHARE_ROUGH = 0.45, 5 / 8, 0.7
 HILLSIDE = 0.1  # slope of that plane from which the ground behind a house hides it, a metre in 10 m
-UPHILL = 4  # sectors in which it does: all but those along the slope and downhill
+UPHILL = 4  # sectors in which it does: the uphill half of them
 ANY, SIDES = (-1,), (0, 1, 2, 3)  # ways of a step down: whichever; south, north, east or west
 WIDE = 3  # cells; what is narrower, as a shrub, makes no step for what lies above it
 # Cells on one plane are judged alike: metres, metres per metre, cells, rounds.
@@ -445,9 +445,11 @@ def hillside_of(surface: Floats, ctx: Context = QUIET) -> Hillside:
     share = np.maximum(
         (SHARE_HILLSIDE - SHARE_LEVEL) * _how_much(tilt), (SHARE_ROUGH - SHARE_LEVEL) * rough
     )
+    hidden, inclined = np.zeros(tilt.shape, np.uint8), tilt > HILLSIDE
+    hidden[inclined] = _sectors_towards(*uphill[:, inclined])
     return Hillside(
         plane=plane.astype(np.float32),
-        hidden=np.where(tilt > HILLSIDE, _sectors_towards(*uphill), np.uint8(0)),
+        hidden=hidden,
         fall=_no_fall(slope),
         fall_above=_no_fall(beside + (slope - beside) * rough),
         share=(SHARE_LEVEL + share).astype(np.float32),
@@ -493,14 +495,13 @@ def _looked_twice(
     that needs the steps by sides. For `thin` and `step` see :func:`raised_share`.
     """
     has, asked = np.isfinite(z), np.full(z.shape, ALL_SECTORS)
-    above = z - hill.plane
     ground = has
     for k in range(2):
         part = ctx.part(0.5 * k, 0.5 + 0.5 * k)
         votes = raised_share(z, ground, hill.fall, thin, step, part.part(0, 0.4), asked)
         if step_by_sides is not None:
-            looks = part.part(0.4, 0.8), hill.hidden & ~asked
-            votes += raised_share(above, ground, hill.fall_above, thin, step_by_sides, *looks)
+            looks = hill.fall_above, thin, step_by_sides, part.part(0.4, 0.8)
+            votes += raised_share(z - hill.plane, ground, *looks, hill.hidden & ~asked)
         ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < hill.share)
     return ground
 

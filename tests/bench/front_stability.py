@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import logging
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 
 from tests.bench.facades import REAL, Score, compared
 from tests.bench.measuring import DATA, say
-from toolbox.context import log
+from toolbox.context import listening
 from toolbox.data import PointCloud
 from toolbox.data.crs import LOCAL, parse_crs
 
@@ -217,7 +215,7 @@ def judged(scan: Scan, **settings: Any) -> Judged:
     from algorithms.planes.extract import PlanesExtract
     from algorithms.planes.openings import PlanesOpenings
 
-    with heard() as told:
+    with listening(aloud=False) as told:
         planes = PlanesExtract(points=scan.cloud()).run()
         if not planes.count:
             return Judged(Score(0, sum(s >= WHOLE for s in scan.left), 0, 0.0), 0, 0, 0, told)
@@ -230,26 +228,6 @@ def judged(scan: Scan, **settings: Any) -> Judged:
     made, wrong = compared(whole, found, cut)
     certain = out.openings.frame["certainty"].to_numpy()[wrong] >= SURE
     return Judged(made, int(certain.sum()), planes.count, out.fronts, told)
-
-
-@contextmanager
-def heard() -> Iterator[list[str]]:
-    """What is told meanwhile."""
-    texts: list[str] = []
-
-    class Ear(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            if record.levelno >= logging.WARNING:
-                texts.append(record.getMessage())
-
-    ear = Ear()
-    log.addHandler(ear)
-    before, log.propagate = log.propagate, False
-    try:
-        yield texts
-    finally:
-        log.removeHandler(ear)
-        log.propagate = before
 
 
 TOLD = {

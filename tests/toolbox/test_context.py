@@ -82,3 +82,15 @@ def test_warnings_of_a_script_are_printed_once(
         log.warning("the sea is at %s m", 0.2)
     assert model == step == ["the sea is at 0.2 m"]
     assert capsys.readouterr().err == ("" if someone_listens else "the sea is at 0.2 m\n")
+
+
+def test_warnings_that_are_not_told_aloud_are_heard_here_alone(
+    caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with listening(aloud=False) as worker:
+        log.warning("the sea is at %s m", 0.2)
+    assert worker == ["the sea is at 0.2 m"]
+    assert not caplog.messages
+    assert capsys.readouterr().err == ""
+    log.warning("the sea is at 0.3 m")
+    assert caplog.messages == ["the sea is at 0.3 m"]

@@ -7,11 +7,9 @@ already is not done again.
 from __future__ import annotations
 
 import itertools
-import logging
 import math
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +22,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox import catalog
-from toolbox.context import Context, log
+from toolbox.context import Context, listening
 from toolbox.data import PointCloud
 from toolbox.data.layer import Inside, Layer
 from toolbox.data.survey import Survey
@@ -168,7 +166,8 @@ def run_tile(job: TileJob, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
         if f"{INPUTS}.{name}" in needs
     }
     first = clouds.get(job.first, next((c for c in pieces.values() if c is not None), None))
-    with _said() as said, tile_store.whole(path) as draft:
+    # A worker cannot show them to the user.
+    with listening(aloud=False) as said, tile_store.whole(path) as draft:
         values = dict.fromkeys(model.sources) | dict(job.settings) | job.layers | clouds
         notes = _Notes()
         given = {**job.given, **pieces}
@@ -286,25 +285,6 @@ def _store(folder: Path, layer: Layer, inside: Inside, *, las: bool) -> None:
     tile_store.save_layer(folder, held)
     if "xyz" in piece.arrays() and not np.array_equal(held.xyz, piece.xyz):
         tile_store.save_layer(folder.with_name(folder.name + EXACT), piece)
-
-
-@contextmanager
-def _said() -> Iterator[list[str]]:
-    """Collect the warnings of the library, which a worker cannot show to the user."""
-    texts: list[str] = []
-
-    class Collector(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            texts.append(record.getMessage())
-
-    handler = Collector(logging.WARNING)
-    log.addHandler(handler)
-    propagates, log.propagate = log.propagate, False
-    try:
-        yield texts
-    finally:
-        log.removeHandler(handler)
-        log.propagate = propagates
 
 
 def _peak() -> int:

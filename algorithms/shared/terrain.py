@@ -61,13 +61,14 @@ FIRST_SLOPE, FIRST_SHARE = 0.5, 5 / 8  # for the first look, before the terrain 
 SLOPE, SLOPE_GAIN = 0.2, 1.0  # what counts as a fall, on level ground and per slope of the terrain
 RELIEF = 50  # metres: half the window of the relief; as far a plane reaches that is the hillside
 PLANE_LEVEL = 3  # cells of 8 m for that plane, a sixth of its reach
-# Mean slopes between which the verdict changes, of the plane from level to hillside, and of the
-# terrain beside the plane from even to rough. An edge of a terrace falls off in half of the
-# sectors, so that on hillsides five of the eight must do so; rough ground has falls of its own.
-LITTLE, MUCH = 0.02, 0.045
+# An edge of a terrace falls off in half of the sectors, so that on hillsides five of the eight must
+# do so; rough ground has falls of its own.
 SHARE_LEVEL, SHARE_HILLSIDE, SHARE_ROUGH = 0.45, 5 / 8, 0.7
-HILLSIDE = 0.1  # slope of that plane from which the ground behind a house hides it, a metre in 10 m
-UPHILL = 4  # sectors in which it does: the uphill half of them
+LITTLE, MUCH = 0.02, 0.045  # mean slopes beside that plane, of even and of rough terrain
+# Slope of that plane from which the ground behind a house hides it, a metre in 10 m; level is half
+# of it: terraces of 3 m are 60 m wide there.
+HILLSIDE = 0.1
+UPHILL = 4  # sectors in which the ground behind a house hides it: the uphill half of them
 ANY, SIDES = (-1,), (0, 1, 2, 3)  # ways of a step down: whichever; south, north, east or west
 WIDE = 3  # cells; what is narrower, as a shrub, makes no step for what lies above it
 # Cells on one plane are judged alike: metres, metres per metre, cells, rounds.
@@ -441,9 +442,10 @@ def hillside_of(surface: Floats, ctx: Context = QUIET) -> Hillside:
     plane = planes_through(surface, known.astype(np.float32), level, STIFF_PLANE, ctx)
     own, uphill = _gradient(np.where(known, surface, plane)), _gradient(plane)
     slope, beside, tilt = np.hypot(*own), np.hypot(*(own - uphill)), np.hypot(*uphill)
-    rough = _how_much(uniform_filter(beside, 2 * RELIEF + 1, mode="nearest"))
+    rough = _between(LITTLE, MUCH, uniform_filter(beside, 2 * RELIEF + 1, mode="nearest"))
     share = np.maximum(
-        (SHARE_HILLSIDE - SHARE_LEVEL) * _how_much(tilt), (SHARE_ROUGH - SHARE_LEVEL) * rough
+        (SHARE_HILLSIDE - SHARE_LEVEL) * _between(HILLSIDE / 2, HILLSIDE, tilt),
+        (SHARE_ROUGH - SHARE_LEVEL) * rough,
     )
     hidden, inclined = np.zeros(tilt.shape, np.uint8), tilt > HILLSIDE
     hidden[inclined] = _sectors_towards(*uphill[:, inclined])
@@ -456,10 +458,10 @@ def hillside_of(surface: Floats, ctx: Context = QUIET) -> Hillside:
     )
 
 
-def _how_much(slope: Cells) -> Cells:
-    """From 0 where a slope is LITTLE to 1 where it is MUCH."""
-    much: Cells = np.clip((slope - LITTLE) / np.float32(MUCH - LITTLE), 0, 1)
-    return much
+def _between(low: float, high: float, slope: Cells) -> Cells:
+    """From 0 where a slope is low to 1 where it is high."""
+    share: Cells = np.clip((slope - np.float32(low)) / np.float32(high - low), 0, 1)
+    return share
 
 
 def _gradient(surface: Floats) -> Cells:

@@ -216,7 +216,16 @@ def halos() -> None:
         )
 
 
-HILLS = ((0.1, 90.0), (0.1, 180.0), (0.2, 45.0), (0.2, 225.0), (0.4, 0.0), (0.4, 90.0))
+HILLS = (
+    (0.05, 90.0),
+    (0.08, 90.0),
+    (0.1, 90.0),
+    (0.1, 180.0),
+    (0.2, 45.0),
+    (0.2, 225.0),
+    (0.4, 0.0),
+    (0.4, 90.0),
+)
 TOWNS = [name for name in SURVEYS if not name.startswith("line")]
 HOUSE = 12.0  # metres up the hill: longer buildings stand in steps
 
@@ -224,7 +233,7 @@ HOUSE = 12.0  # metres up the hill: longer buildings stand in steps
 def hillsides(*options: str) -> None:
     """A ground filter on towns that are put on even hillsides, whose buildings stay level.
 
-    Six hills of a town, as slope and direction; the option `--filter ID` tells which filter.
+    Eight hills of a town, as slope and direction; the option `--filter ID` tells which filter.
     """
     import numpy as np
 
@@ -242,7 +251,7 @@ def hillsides(*options: str) -> None:
                 100 * part.mean() for part in (~found[given == 2], found[other], found[given == 6])
             )
             say(
-                f"hillsides {chosen:16} {name:12} slope {slope:.1f} to {towards:3.0f} degrees: "
+                f"hillsides {chosen:16} {name:12} slope {slope:.2f} to {towards:3.0f} degrees: "
                 f"Type I {type_1:5.2f}  Type II {type_2:5.2f}  of buildings {roofs:5.2f} %"
             )
 

@@ -19,6 +19,8 @@ CELL = 4.0  # metres, of the cells in which points are counted
 SAMPLE = 500_000  # points at least, of whole cells, whose number per area is that of all
 RADIUS, CONTEXT, ALPHA = 1.0, 3.0, 1.5  # metres, where points are dense
 BY_SPACING = (1.75, 5.0, 2.25)  # times the spacing: the same where they are sparse, see the page
+SPARSE = 1.9  # metres between points from which on half of the trees and many roofs are lost;
+# spacings are 1.4, 2, 2.8 m
 LARGEST = (10.0, 20.0, 20.0)  # metres, for which halos are made
 
 

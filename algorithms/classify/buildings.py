@@ -32,7 +32,7 @@ from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
 from algorithms.classify._crowns import CLOSED, crowns
-from algorithms.classify._density import ALPHA, Lengths
+from algorithms.classify._density import ALPHA, SPARSE, Lengths
 from algorithms.classify._doubtful_heights import warn_of_doubtful_heights
 from algorithms.classify._evidence import FOOT, solid
 from algorithms.classify._outlines import (
@@ -82,7 +82,6 @@ ROUNDING = 1e-9  # of a length: in feet the same one may come out a little short
 BELOW_DISC = 1.58  # times the spacing of points: least radius of a disc, with eight of them below
 MOST = 0.5  # share of a region that is left without the ground in it, if there are roofs in it:
 # what is mostly cut off was joined by accident, as crowns at Autzen are
-SPARSE = 1.9  # metres between points from which on many roofs are lost; spacings are 1.4, 2, 2.8 m
 HALF_AS_DENSE = 0.5**0.5  # times as far apart are twice as many points per area
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 

@@ -27,7 +27,7 @@ from scipy.ndimage import gaussian_filter
 from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify import _trees_kernels as kernels
-from algorithms.classify._density import Lengths
+from algorithms.classify._density import SPARSE, Lengths
 from algorithms.classify._outlines import Shapes, margin, name_of
 from algorithms.classify._refused import unlike
 from algorithms.shared import parameters
@@ -196,6 +196,12 @@ class ClassifyTrees:
                 self.min_height / cloud.metre,
             )
             return self._packed([])
+        if lengths.spacing > SPARSE * cloud.metre:
+            log.warning(
+                "points are some %.1f m apart, too sparse for single trees: expect half of them or "
+                "more to be missing, small ones first, or to be one with their neighbours",
+                lengths.spacing / cloud.metre,
+            )
         tree = trees(
             cloud.xyz[some],
             height[some] * cloud.metre,

@@ -115,6 +115,15 @@ def test_cells_follow_the_density(density: float) -> None:
     assert len(rows(park(PAIR, density))) == 2
 
 
+@pytest.mark.parametrize(("density", "told"), [(0.5, False), (0.25, True)])
+@pytest.mark.parametrize("unit", [1.0, 3937 / 1200])
+def test_that_points_are_too_sparse_is_told(
+    density: float, told: bool, unit: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    rows(park([(20, 20, 12, 15)], density, unit=unit))
+    assert ("m apart, too sparse for single trees" in caplog.text) == told
+
+
 def test_any_order_and_unit_gives_the_same() -> None:
     points = park(PAIR)
     order = np.random.default_rng(1).permutation(len(points))

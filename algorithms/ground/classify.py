@@ -14,6 +14,7 @@ from algorithms.shared.heights import HEIGHT
 from algorithms.shared.lowest import cells_of
 from algorithms.shared.plausible import tell_of_ground
 from algorithms.shared.sections import LOOKED_AT, WIDEST, tell_of_wide
+from algorithms.shared.strips import strips_of
 from algorithms.shared.terrain import BEYOND, Terrain, find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster
@@ -107,7 +108,7 @@ class GroundClassify:
         longest, metre = self.longest_building / cloud.metre, cloud.metre
         terrain = find_terrain(candidates.xyz, widest=longest, metre=metre, ctx=ctx.part(0, 0.95))
         ground, clear = verdict(candidates.xyz, terrain)
-        tell_of_ground(candidates.xyz, ground, metre)
+        tell_of_ground(candidates.xyz, ground, strips_of(cloud, candidates.chosen), metre)
         inner = candidates.xyz[ground & cloud.core[candidates.chosen]]
         _tell_of_wide(inner, terrain, longest)
         classified = self._classified(candidates, ground, clear, terrain)

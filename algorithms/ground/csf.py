@@ -35,6 +35,7 @@ from algorithms.shared.lowest import (
     without_low_outliers,
 )
 from algorithms.shared.plausible import tell_of_ground
+from algorithms.shared.strips import strips_of
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -167,7 +168,7 @@ class GroundCsf:
             log.info("rigidness: %.2f on average, below 3 on %.0f %%", mean, 100 * softer)
         ground = ground_mask(xyz, cloth, class_threshold=self.class_threshold)
         ctx.progress(1.0)
-        tell_of_ground(xyz, ground, cloud.metre)
+        tell_of_ground(xyz, ground, strips_of(cloud, candidates.chosen), cloud.metre)
         classified = candidates.classified(ground)
         return self.Outputs(
             classified=classified,

@@ -36,6 +36,7 @@ from algorithms.shared.lowest import (
     without_low_outliers,
 )
 from algorithms.shared.plausible import tell_of_ground
+from algorithms.shared.strips import strips_of
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -168,7 +169,7 @@ class GroundRobustInterpolation:
         ground = ground_mask(
             xyz, surface, above=self.above, below=self.below, ctx=ctx.part(0.95, 1)
         )
-        tell_of_ground(xyz, ground, cloud.metre)
+        tell_of_ground(xyz, ground, strips_of(cloud, candidates.chosen), cloud.metre)
         classified = candidates.classified(ground)
         return self.Outputs(
             classified=classified,

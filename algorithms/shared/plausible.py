@@ -37,10 +37,12 @@ LOOKED_AT = 1000  # squares: shares of so many are known to 0.03
 MANY = 1000  # points that prove of most surveys that they are wide
 NARROW = 0.1  # metres to either side of a line: a scanned wall is so thin, and no survey of land
 SOME = 3  # points of ground in a square that is looked at: as many as make a plane
+ENOUGH = 30  # squares that two flight lines share, so that shares are known to 0.1
 DEEPEST = 200.0  # metres above the ground: beyond what two height systems differ by
 HALF, QUARTER = 0.5, 0.25  # a second layer has so many of the ground's points, and of all above it
 RISE = 0.5  # metres of height from one ground point to the next; see :func:`sparse_ground`
 TWICE = 1 / 3  # share of the squares; in real surveys 0.29 at most, with a half moved 0.39 at least
+LIFTED = 0.5  # share of the squares; in real surveys 0.01 at most, with a half moved 0.86 at least
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -267,19 +269,20 @@ def _rises(points: Floats, ground: Mask, square: Ints) -> tuple[Ints, Floats]:
     return square[~ground], points[~ground, 2] - points[ground, 2][next_ground]
 
 
-def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
+def tell_of_ground(xyz: Floats, ground: Mask, strip: NDArray[np.uint16], metre: float) -> None:
     """Warn of ground that says nothing: few points, wrong unit, below a surface, or two surfaces.
 
     Parameters
     ----------
     xyz : array of shape (n, 3), the points that may be ground
     ground : array of shape (n,), those that were found
+    strip : array of shape (n,), their flight lines
     metre : length of one metre in the unit of the points
 
     Examples
     --------
     >>> xyz = np.array([[x, y, 100.0] for x in range(9) for y in range(9)])
-    >>> tell_of_ground(xyz, np.ones(81, bool), 1.0)
+    >>> tell_of_ground(xyz, np.ones(81, bool), np.zeros(81, np.uint16), 1.0)
     """
     if len(xyz) < FEW:
         log.warning(
@@ -311,8 +314,52 @@ def tell_of_ground(xyz: Floats, ground: Mask, metre: float) -> None:
         )
     if problem := two_surfaces(xyz, ground, squares, metre):
         log.warning("%s", problem)
+    elif problem := lifted_strip(ground, squares, strip):
+        log.warning("%s", problem)
     if problem := sparse_ground(xyz, ground, metre):
         log.warning("%s", problem)
+
+
+def lifted_strip(ground: Mask, squares: Ints, strip: NDArray[np.uint16]) -> str | None:
+    """Whether a flight line has no ground where others have, as a clause; None if each has.
+
+    A line that lies half a metre above another leaves one surface too thick to be ground, and no
+    second one apart from it: ground is that of the lower line alone.
+
+    Parameters
+    ----------
+    ground : array of shape (n,), the points that were found
+    squares : array of shape (n,), see :func:`squares_of`
+    strip : array of shape (n,), the flight line of each point
+
+    Examples
+    --------
+    >>> squares, strip = np.arange(4000) // 40, (np.arange(4000) % 2 + 7).astype(np.uint16)
+    >>> print(lifted_strip(strip == 7, squares, strip).partition(":")[0])
+    of flight line 8 no point is ground in 100 % of the squares of 4 m in which others have ground
+    >>> lifted_strip(np.arange(4000) % 3 == 0, squares, strip) is None
+    True
+    """
+    if not len(strip) or strip.min() == strip.max():
+        return None
+    some = np.flatnonzero(squares % (int(squares.max()) // LOOKED_AT + 1) == 0)
+    lines, line = np.unique(strip[some], return_inverse=True)
+    places, place = grouped(squares[some] * len(lines) + line)
+    points, found = np.bincount(place), np.bincount(place, ground[some])
+    square = grouped(places // len(lines))[1]
+    of_others = np.bincount(square, found)[square] - found
+    asked = (points >= SOME) & (of_others >= SOME)
+    count = np.bincount(places[asked] % len(lines), minlength=len(lines))
+    without = np.bincount(places[asked & (found == 0)] % len(lines), minlength=len(lines))
+    share = np.where(count >= ENOUGH, without / np.maximum(count, 1), 0.0)
+    if share.max() <= LIFTED:
+        return None
+    return (
+        f"of flight line {lines[share.argmax()]} no point is ground in {100 * share.max():.0f} % "
+        f"of the squares of {SQUARE:g} m in which others have ground: does it lie higher than "
+        "they do, or was there snow or a crop? compare them without classes "
+        "(points.survey_quality), and keep one or mend the heights"
+    )
 
 
 def sparse_ground(xyz: Floats, ground: Mask, metre: float) -> str | None:

@@ -20,6 +20,7 @@ from algorithms.shared.plausible import (
     height_problem,
     hidden_share,
     is_upright,
+    lifted_strip,
     second_layer,
     spacing_and_rise,
     sparse_ground,
@@ -254,7 +255,7 @@ def test_ground_of_which_a_part_is_hidden_is_told_from_a_fifth_on(
     for west, told in ((-6, True), (-14, False)):
         caplog.clear()
         ground = np.where(xyz[:, 0] < middle + west, low, ~low)
-        tell_of_ground(xyz, ground, 1.0)
+        tell_of_ground(xyz, ground, np.zeros(len(xyz), np.uint16), 1.0)
         assert ("probably noise" in caplog.text) == told
 
 
@@ -316,3 +317,47 @@ def test_filters_tell_of_sparse_ground(id: str, caplog: pytest.LogCaptureFixture
     xyz[:, 2] += 15 * np.sin(xyz[:, 0] / 40) * np.sin(xyz[:, 1] / 40)
     assert "m apart, and rise" in warned(caplog, id, xyz)
     assert "m apart, and rise" not in warned(caplog, id, plane(300.0, 8.0, jitter=2.0))
+
+
+@pytest.mark.parametrize("id", FILTERS)
+def test_filters_tell_of_a_flight_line_that_lies_higher(
+    id: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Ground is that of the lower line; up to 0.9 m nothing told of it."""
+    xyz, high = field(), np.random.default_rng(2).random(160 * 160) < 0.5
+    xyz[high, 2] += 0.8
+    lines = {"point_source_id": np.where(high, 12, 11).astype(np.uint16)}
+    for told, made in ((True, xyz), (False, field())):
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            catalog.load(id).make(points=cloud(made).with_attributes(lines)).run()
+        assert ("of flight line 12 no point is ground in" in caplog.text) == told
+
+
+@pytest.mark.parametrize(
+    ("lost", "squares", "points", "told"),
+    [
+        (55, 100, 4, True),
+        (45, 100, 4, False),  # as where there was a crop in some fields
+        (26, 28, 4, False),  # too few to tell
+        (90, 100, 2, False),  # of so few points none is ground by chance, as in a wood
+    ],
+)
+def test_a_line_is_higher_if_it_has_no_ground_in_most_squares(
+    lost: int, squares: int, points: int, told: bool
+) -> None:
+    square = np.repeat(np.arange(squares), 2 * points)
+    strip = np.tile(np.repeat([3, 9], points), squares).astype(np.uint16)
+    ground = (strip == 3) | (square >= lost)
+    found = lifted_strip(ground, square, strip)
+    assert (found is not None) == told
+    if told:
+        assert f"of flight line 9 no point is ground in {lost} %" in str(found)
+
+
+def test_of_a_large_survey_some_squares_tell_of_a_higher_line() -> None:
+    square = np.repeat(np.arange(5000), 8)
+    strip = np.tile(np.repeat([3, 9], 4), 5000).astype(np.uint16)
+    for lost in (0.6, 0.4):
+        ground = (strip == 3) | (np.random.default_rng(1).random(5000)[square] >= lost)
+        assert (lifted_strip(ground, square, strip) is not None) == (lost > 0.5)

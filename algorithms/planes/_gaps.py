@@ -13,7 +13,6 @@ from scipy import ndimage
 
 from algorithms.planes._bands import is_slim
 from algorithms.planes._relief import BEHIND, EMPTY, HIDDEN, WALL, Relief
-from algorithms.planes._rows import joined
 
 BRIDGE = 2  # squares without echoes that do not part a region
 UNSEEN = 0.02  # what a square without echoes takes from a rectangle; one of the wall takes 1
@@ -71,8 +70,6 @@ def gaps(
     recess : farthest that panes stand back, and so the depth of reveals
     """
     limits = (min_width, max_width, tallest)
-    states = joined(relief.states, EMPTY, WALL, min_width / relief.side)
-    relief = relief._replace(states=states)
     made = [*_behind(relief, limits), *_empty(relief, limits, recess)]
     found = _apart([gap for gap in made if not gap.dropped])
     known = np.array([gap.shape.bounds for gap in found]).reshape(-1, 4)

@@ -13,9 +13,14 @@ from scipy.spatial import KDTree
 
 from algorithms.planes._bands import is_slim
 from algorithms.planes._columns import SIDES
-from algorithms.planes._gaps import Gap, gaps, in_grid
+from algorithms.planes._gaps import BRIDGE, Gap, gaps, in_grid
+from algorithms.planes._gaps import SAME as SQUARES
 from algorithms.planes._outlines import outline
-from algorithms.planes._relief import Relief
+from algorithms.planes._relief import BEHIND as BACK
+from algorithms.planes._relief import EMPTY as BARE
+from algorithms.planes._relief import WALL, Relief
+from algorithms.planes._rows import joined
+from algorithms.planes._strips import filled, strips
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.polygons import Polygons
@@ -42,13 +47,20 @@ DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the fo
 DOOR_WIDTH = 0.8  # metres: the least clear width of a door, ISO 21542
 BREAST = 0.8  # metres: least height of the wall below a window, by codes of building
 EITHER = "door or window"  # kind of an opening whose foot was not seen
-UNBOUNDED = 3  # sides that were not seen, of an opening of which neither size is known
-VAGUE = 0.5  # how sure such an opening is at most: all ten of these of a real front were none
+UNBOUNDED = (
+    3  # sides that were not seen, or of those and unsure ones, of an opening of no known size
+)
+LOST = (
+    0.25  # how sure it is at most: 7 of 33 with three or four such sides, or both ends, were true
+)
+VAGUE = 0.5  # the same with three, some of them seen: 30 of 41 were true
 OF_TWO = 0.5  # certainty of an opening that may be either, over that of one whose kind is known
 OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which it is another
 SAME = 0.15  # distance of Kolmogorov and Smirnov of intensities of one wall; shutters have 0.25
 ALIKE = 0.5  # the same, up to which a flat back may be a niche of another paint as well
 FLAT = 0.95  # share of the points on the back of a niche that lie in one depth
+POST = 0.25  # width of a strip over that of the largest opening, that parts one at most: 1 m
+SHADOW = 0.5  # the same of a strip that is told
 UNSEEN = 0.5  # how sure an opening is in which nothing was seen, over one in which there was
 COLUMNS = (
     "kind",
@@ -114,7 +126,7 @@ class Opening(NamedTuple):
             known["bottom"] = math.nan
             unsure = [side for side in unsure if side != "bottom"]
             hidden = [side for side in hidden if side != "bottom"]
-        most = VAGUE if len(hidden) >= UNBOUNDED else 1.0
+        most = _at_most(hidden, unsure, "outline" in self.found_by)
         return {
             "kind": kind,
             "width": right - left,
@@ -132,6 +144,30 @@ class Opening(NamedTuple):
             "found_by": self.found_by,
             "certainty": min(self.certainty, most) * (OF_TWO if kind == EITHER else 1.0),
         }
+
+
+def _at_most(hidden: list[str], unsure: list[str], by_outline: bool) -> float:
+    """How sure an opening is at most, by its sides that were not seen or are unsure.
+
+    Of one with three such sides, or with both ends not seen in one direction, no size is known.
+    One by its outline has wall on all sides, and little in it that its sides could be seen by.
+
+    Parameters
+    ----------
+    hidden, unsure : names of sides, or one empty name
+
+    Examples
+    --------
+    >>> [_at_most(some, [""], False) for some in (["left", "top"], ["left", "right"])]
+    [1.0, 0.25]
+    >>> _at_most(["top"], ["left", "right"], False), _at_most(["left", "right"], [""], True)
+    (0.5, 0.5)
+    """
+    lost = len([*filter(None, hidden), *filter(None, unsure)])
+    ends = any({*SIDES[axis::2]} <= {*hidden} for axis in (0, 1))
+    if not by_outline and (ends or len(hidden) >= UNBOUNDED or lost > UNBOUNDED):
+        return LOST
+    return VAGUE if ends or lost >= UNBOUNDED else 1.0
 
 
 def kind_of(height: float, sill: float, hidden: str, metre: float) -> str:
@@ -188,12 +224,14 @@ class Openings(NamedTuple):
     found : from left to right
     dropped : gaps that are none
     unseen : polygons within the outline where there is neither a point of the wall nor an opening
+    strips : array of shape (n, 2), left and right end of strips in the shadow of posts and trees
     """
 
     wall: Any
     found: list[Opening]
     dropped: list[Gap]
     unseen: list[Any]
+    strips: Floats
 
 
 def openings(
@@ -225,6 +263,7 @@ def openings(
     here = np.flatnonzero(~front.own & (front.behind > 0) & (front.behind <= depth))
     before = ~front.own & (front.behind < -front.step) & (front.behind >= -recess)
     solid = front.uv[front.own | before]
+    front, shadows = _without_strips(front, min_width, max_width, tallest)
     found, dropped = [], []
     limits = {"min_width": min_width, "max_width": max_width, "tallest": tallest}
     for gap in gaps(front, **limits, recess=recess):
@@ -241,13 +280,56 @@ def openings(
             continue
         one = _described(gap, shape, inside, front, shades, recess)
         one = _with_intervals(one, solid, front)
-        sure = one.certainty * (OF_TWO if unlike <= ALIKE else 1.0)
+        doubts = unlike <= ALIKE, _may_be_part(shape, shadows, SQUARES * front.side)
+        sure = one.certainty * OF_TWO ** sum(doubts)
         found.append(one._replace(certainty=sure, niche=unlike <= ALIKE))
     ctx.progress(1.0)
     found = _with_grid(found, front.side)
     if (hole := HOLE * front.apart) > min_width / 2:
         parts = shapely.union_all(list(alpha_shape(uv, hole).polygons))
-    return Openings(wall, found, dropped, _unseen(wall, parts, found, min_width))
+    return Openings(wall, found, dropped, _unseen(wall, parts, found, min_width), shadows)
+
+
+def _without_strips(
+    front: Relief, min_width: float, max_width: float, tallest: float
+) -> tuple[Relief, Floats]:
+    """The front with what is beside strips in the shadow of posts in these, and their ends."""
+    side = front.side
+    states = joined(front.states, BARE, WALL, min_width / side)
+    seen = np.isin(states, (WALL, BACK))
+    found = strips(seen, tallest / side, BRIDGE, SHADOW * max_width / side)
+    states = filled(states, found, WALL, BACK, POST * max_width / side)
+    ends = side * np.array([(one.left, one.right) for one in found], float).reshape(-1, 2)
+    return front._replace(states=states), ends
+
+
+def crossed(shape: Any, shadows: Floats) -> Mask:
+    """Which strips an opening crosses, from one side to the other; array of shape (n,)."""
+    left, _, right, _ = shape.bounds
+    return np.asarray((left < shadows[:, 0]) & (shadows[:, 1] < right))
+
+
+def _may_be_part(shape: Any, shadows: Floats, near: float) -> bool:
+    """Whether an opening crosses a strip, or ends at one in which more of it may lie than is seen.
+
+    What crosses a strip may be two, with a pier in it.
+
+    Parameters
+    ----------
+    shadows : array of shape (n, 2), left and right end of each strip
+    near : distance from a strip of an opening that ends at it
+
+    Examples
+    --------
+    >>> window, strips = shapely.box(1, 1, 2, 2), [(1.2, 1.6), (2.0, 2.8), (-0.2, 0.95), (3, 5)]
+    >>> [_may_be_part(window, np.array([strip]), 0.1) for strip in strips]
+    [True, False, True, False]
+    """
+    left, _, right, _ = shape.bounds
+    first, last = shadows.T
+    ends = [(first - near <= side) & (side <= last + near) for side in (left, right)]
+    wider = last - first >= right - left
+    return bool((crossed(shape, shadows) | ((ends[0] | ends[1]) & wider)).any())
 
 
 def _unseen(wall: Any, parts: Any, found: list[Opening], least: float) -> list[Any]:

@@ -27,6 +27,7 @@ from algorithms.planes._openings import (
     EITHER,
     OF_TWO,
     Openings,
+    crossed,
     marked,
     may_hide_door,
     openings,
@@ -91,8 +92,15 @@ class PlanesOpenings:
     reflectance (it is not that of the wall beside), outline (nothing is seen in it), grid (its
     sides are in line with those of another one). `certainty`, from 0 to 1, is how much of the
     opening, as far as it is seen, is not wall, and how much of its sides has wall beside it; it is
-    0.5 at most where three sides were not seen. Gaps that were looked at and are no openings are
-    in `dropped`, with the reason. Intensity that points side by side do not share is not used.
+    0.5 at most where three sides are unsure or were not seen, and 0.25 where four are, or three
+    were not seen, or neither end of its width or height was. Gaps that were looked at and are no
+    openings are in `dropped`, with the reason. Intensity that points side by side do not share is
+    not used.
+
+    A strip without points over the height of a front, or higher than an opening may be, is in the
+    shadow of a post or a tree. What lies in it is taken for what lies on both sides of it: an
+    opening that it crosses is one, with half the certainty, if it is no wider than a quarter of
+    `max_width`. Of those that end at a wider one more may be hidden than is seen: half as well.
 
     Each edge of a rectangle is where 95 of 100 rows of points end, but for those that go on alone,
     on the wall or no farther before it than `recess`, as on frames, timber and sills. Where
@@ -326,6 +334,7 @@ class PlanesOpenings:
             self._warn_if_noisy(number + 1, relief.step / cloud.metre)
             self._warn_if_two_sided(number + 1, relief.twice())
             self._warn_of_screen(number + 1, relief.screen)
+            self._warn_of_strips(number + 1, made)
             self._warn_of_unseen(number + 1, made)
             self._warn_of_wide(number + 1, made)
             self._warn_of_blind(number + 1, made)
@@ -504,6 +513,23 @@ class PlanesOpenings:
                 number,
                 100 * screen.share,
             )
+
+    def _warn_of_strips(self, number: int, made: Openings) -> None:
+        """Say so where posts or trees hide strips of a front over its whole height."""
+        if not len(made.strips):
+            return
+        parted = sum(bool(crossed(one.shape, made.strips).any()) for one in made.found)
+        from_left = (made.strips[:, 0] - made.wall.bounds[0]) / self.points.metre
+        log.warning(
+            "strips of front %d without points over its height, as in the shadow of a post or a "
+            "tree: %d, from %s m on from its left end; openings that they cross: %d, each taken "
+            "for one though it may be two, with half the certainty",
+            number,
+            len(made.strips),
+            ", ".join(f"{left:.1f}" for left in from_left),
+            parted,
+        )
+        log.info("merge a scan that sees these strips of front %d, if there is one", number)
 
     def _warn_of_glass(self, number: int, planes: list[int]) -> None:
         """Say so where large planes are taken for panes, not for wall."""

@@ -236,6 +236,7 @@ TOLD = {
     "none": "has no openings",
     "unseen": "has neither points",
     "side": "from which side",
+    "strip": "strips of front",
     "wide": "too large for openings",
     "two walls": "has two walls",
     "glass": "is a curtain wall",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 import types
@@ -1136,18 +1137,78 @@ def test_an_opening_that_may_be_two_things_is_half_as_certain() -> None:
     assert [row["certainty"] for row in found.values()] == [0.9, pytest.approx(0.45)]
 
 
-def test_an_opening_of_which_one_side_was_seen_is_half_certain_at_most() -> None:
-    """Neither its width nor its height is known; a door has no lower side to be seen."""
+@pytest.mark.parametrize(
+    ("low", "hidden", "unsure", "by", "certainty"),
+    [
+        (1.0, "left, top", "", "recess", 0.9),
+        (1.0, "left, top", "bottom", "recess", 0.5),
+        (1.0, "top", "left, right", "recess", 0.5),
+        (1.0, "top", "left, bottom, right", "recess", 0.25),
+        (1.0, "left, bottom, top", "", "recess", 0.25),
+        (1.0, "bottom, top", "", "recess", 0.25),
+        (1.0, "left, bottom, top", "", "outline", 0.5),
+        (0.0, "left, bottom, top", "", "recess", 0.9),
+        (0.0, "bottom, top", "left", "recess", 0.9),
+        (0.0, "left, bottom, right", "", "recess", 0.25),
+    ],
+)
+def test_an_opening_of_no_known_size_is_not_sure(
+    low: float, hidden: str, unsure: str, by: str, certainty: float
+) -> None:
+    """Three of its sides, or both ends of one size, are not told; a door has no lower side."""
     front = types.SimpleNamespace(uv=np.array([[0.5, 0.0]]), own=np.ones(1, bool))
-    for low, hidden, before, certainty in (
-        (1.0, "left, top", 0.9, 0.9),
-        (1.0, "left, bottom, top", 0.9, 0.5),
-        (1.0, "left, bottom, top", 0.4, 0.4),
-        (0.0, "left, bottom, top", 0.9, 0.9),
-        (0.0, "left, bottom, right, top", 0.9, 0.5),
-    ):
-        one = Opening(shapely.box(0, low, 1, low + 2), 9, 0.1, 0.5, hidden, "recess", before)
-        assert one.row(front, 1.0)["certainty"] == certainty  # type: ignore[arg-type]
+    shape = shapely.box(0, low, 1, low + 2)
+    one = Opening(shape, 9, 0.1, 0.5, hidden, by, 0.9, unsure=unsure)
+    assert one.row(front, 1.0)["certainty"] == certainty  # type: ignore[arg-type]
+
+
+def behind_a_post(wide: float, high: float = 9.0) -> PlanesOpenings.Outputs:
+    """A wall of 10 by 7 m with six windows, two of them crossed by a strip without points."""
+    rng = np.random.default_rng(3)
+    wall, panes = flat((0, 0, 10, 7), 600, 0.0, rng), []
+    for left, bottom in itertools.product((1.0, 4.0, 7.0), (1.0, 4.0)):
+        box = (left, bottom, left + 2.0, bottom + 1.5)
+        inside = (wall[:, [0, 2]] > box[:2]) & (wall[:, [0, 2]] < box[2:])
+        wall = wall[~inside.all(axis=1)]
+        panes.append(flat(box, 500, 0.12, rng))
+    xyz, ids = np.vstack([wall, *panes]), np.repeat([1, 2], [len(wall), sum(map(len, panes))])
+    keep = (np.abs(xyz[:, 0] - 5.0) > wide / 2) | (xyz[:, 2] > high)
+    street = np.column_stack([*(rng.random((2, 20_000)) * [[10], [-8]]), np.zeros(20_000)])
+    xyz = np.vstack([xyz[keep], street])
+    ids = np.append(ids[keep], np.zeros(len(street), int)).astype(np.int32)
+    return found(PointCloud(xyz + FAR, {"plane_id": ids}, crs=UTM))
+
+
+def test_windows_in_the_shadow_of_a_post_are_whole_and_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    frame = behind_a_post(0.5).openings.frame
+    assert frame.width.tolist() == pytest.approx([2.0] * 6, abs=0.1)
+    assert frame.height.tolist() == pytest.approx([1.5] * 6, abs=0.1)
+    assert (frame.certainty < 0.6).tolist() == [False, False, True, True, False, False]
+    (told,) = (text for text in caplog.messages if text.startswith("strips of front 1"))
+    assert "1, from 4.8 m" in told
+    assert "cross: 2," in told
+
+
+def test_windows_without_a_post_are_not_told(caplog: pytest.LogCaptureFixture) -> None:
+    assert (behind_a_post(0.0).openings.frame.certainty > 0.9).all()
+    assert "strips of front" not in caplog.text
+
+
+def test_a_strip_that_is_lower_than_an_opening_may_be_is_none(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A window a storey high, as of a staircase, that has no glass to be seen."""
+    behind_a_post(0.5, high=5.9)
+    assert "strips of front" not in caplog.text
+
+
+def test_windows_that_end_at_a_wide_strip_are_parts_and_not_sure() -> None:
+    """More than a metre wide, it may hide wall between two windows as well."""
+    frame = behind_a_post(1.1).openings.frame
+    assert len(frame) == 8
+    assert (frame.certainty < 0.6).sum() == 4
 
 
 @pytest.mark.parametrize(

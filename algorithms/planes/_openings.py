@@ -54,6 +54,7 @@ LOST = (
     0.25  # how sure it is at most: 7 of 33 with three or four such sides, or both ends, were true
 )
 VAGUE = 0.5  # the same with three, some of them seen: 30 of 41 were true
+SMALL = 1.25  # least width or height of a sure opening over the least: of 13 such one was true
 OF_TWO = 0.5  # certainty of an opening that may be either, over that of one whose kind is known
 OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which it is another
 SAME = 0.15  # distance of Kolmogorov and Smirnov of intensities of one wall; shutters have 0.25
@@ -280,7 +281,11 @@ def openings(
             continue
         one = _described(gap, shape, inside, front, shades, recess)
         one = _with_intervals(one, solid, front)
-        doubts = unlike <= ALIKE, _may_be_part(shape, shadows, SQUARES * front.side)
+        doubts = (
+            unlike <= ALIKE,
+            _may_be_part(shape, shadows, SQUARES * front.side),
+            np.ptp(np.reshape(shape.bounds, (2, 2)), axis=0).min() < SMALL * min_width,
+        )
         sure = one.certainty * OF_TWO ** sum(doubts)
         found.append(one._replace(certainty=sure, niche=unlike <= ALIKE))
     ctx.progress(1.0)

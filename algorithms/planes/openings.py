@@ -93,9 +93,10 @@ class PlanesOpenings:
     sides are in line with those of another one). `certainty`, from 0 to 1, is how much of the
     opening, as far as it is seen, is not wall, and how much of its sides has wall beside it; it is
     0.5 at most where three sides are unsure or were not seen, and 0.25 where four are, or three
-    were not seen, or neither end of its width or height was. Gaps that were looked at and are no
-    openings are in `dropped`, with the reason. Intensity that points side by side do not share is
-    not used.
+    were not seen, or neither end of its width or height was. It is half where the width or height
+    is below 1.25 times `min_width`, as pieces of something larger are. Gaps that were looked at
+    and are no openings are in `dropped`, with the reason. Intensity that points side by side do
+    not share is not used.
 
     A strip without points over the height of a front, or higher than an opening may be, is in the
     shadow of a post or a tree. What lies in it is taken for what lies on both sides of it: an

@@ -1162,6 +1162,21 @@ def test_an_opening_of_no_known_size_is_not_sure(
     assert one.row(front, 1.0)["certainty"] == certainty  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("wide", "sure"), [(0.45, False), (0.55, True)])
+def test_an_opening_as_small_as_the_least_is_not_sure(wide: float, sure: bool) -> None:
+    rng = np.random.default_rng(7)
+    wall, pane = flat((0, 0, 8, 4), 6000, 0.0, rng), (3.0, 1.0, 3.0 + wide, 2.0)
+    inside = (wall[:, [0, 2]] > pane[:2]) & (wall[:, [0, 2]] < pane[2:])
+    wall, back = wall[~inside.all(axis=1)], flat(pane, 800, 0.12, rng)
+    street = np.column_stack([*(rng.random((2, 20_000)) * [[8], [-8]]), np.zeros(20_000)])
+    ids = np.repeat([1, 2, 0], [len(wall), len(back), len(street)]).astype(np.int32)
+    xyz = np.vstack([wall, back, street])
+    (one,) = found(PointCloud(xyz + FAR, {"plane_id": ids}, crs=UTM)).openings.frame.itertuples()
+    assert one.width == pytest.approx(wide, abs=0.04)
+    assert (one.certainty > 0.7) is sure
+    assert (one.certainty > 0.45) is True
+
+
 def behind_a_post(wide: float, high: float = 9.0) -> PlanesOpenings.Outputs:
     """A wall of 10 by 7 m with six windows, two of them crossed by a strip without points."""
     rng = np.random.default_rng(3)

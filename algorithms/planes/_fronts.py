@@ -69,6 +69,11 @@ class Front(NamedTuple):
     relief: Floats
     sided: bool
 
+    def turned(self) -> Front:
+        """The same as seen from the other side."""
+        plane = replace(self.plane, normal=-self.plane.normal)
+        return self._replace(plane=plane, relief=-self.relief)
+
 
 class _Part(NamedTuple):
     """Points of a plane, not all of many, the area of squares that hold some, and their spread."""

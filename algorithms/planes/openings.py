@@ -299,36 +299,18 @@ class PlanesOpenings:
         planes = [fitted(cloud.xyz[part]) for part in parts_of(ranks, len(numbers))]
         fronts = self._chosen(ranks, numbers, planes)
         shades = self._shades(some)
-        widest = max(self.max_width, STOREY * cloud.metre)
         seen = []
         for number, front in enumerate(fronts):
             part = ctx.part(0.6 * number / len(fronts), 0.6 * (number + 1) / len(fronts))
-            near = _near(cloud.xyz, ranks, front, max(self.depth, self.front_depth))
-            shade = None if shades is None else shades[near]
-            relief = relief_of(
-                cloud.xyz[near],
-                ranks[near],
-                front,
-                shade,
-                largest=(widest, TALL * widest),
-                recess=self.recess,
-                depth=self.depth,
-                least=self.min_recess,
-                front_depth=self.front_depth,
-                metre=cloud.metre,
-            )
-            made = openings(
-                relief,
-                shade,
-                min_width=self.min_width,
-                max_width=self.max_width,
-                tallest=TALL * widest,
-                fewest=self.min_points,
-                recess=self.recess,
-                depth=self.depth,
-                ctx=part,
-            )
-            seen.append(_Seen(int(numbers[front.members[0]]), near, relief, made))
+            sides = (front,) if front.sided else (front, front.turned())
+            steps = [part.part(k / len(sides), (k + 1) / len(sides)) for k in range(len(sides))]
+            looks = [
+                self._looked_at(side, ranks, numbers, shades, step)
+                for side, step in zip(sides, steps, strict=True)
+            ]
+            one = max(looks, key=lambda look: look.sure_area)
+            seen.append(one)
+            relief, made = one.relief, one.made
             self._warn_of_side(number + 1, front.sided, made)
             self._warn_if_bent(number + 1, turn(front, planes, np.bincount(ranks)[1:]))
             self._warn_if_sparse(number + 1, seen[-1].spacing)
@@ -344,6 +326,44 @@ class PlanesOpenings:
         if not any(one.made.found for one in seen):
             self._warn_of_none([gap.dropped for one in seen for gap in one.made.dropped], seen)
         return seen
+
+    def _looked_at(
+        self,
+        front: Front,
+        ranks: NDArray[np.int32],
+        numbers: Ints,
+        shades: Floats | None,
+        ctx: Context,
+    ) -> _Seen:
+        """A front with its openings, as seen from the side its plane points to."""
+        cloud = self.points
+        widest = max(self.max_width, STOREY * cloud.metre)
+        near = _near(cloud.xyz, ranks, front, max(self.depth, self.front_depth))
+        shade = None if shades is None else shades[near]
+        relief = relief_of(
+            cloud.xyz[near],
+            ranks[near],
+            front,
+            shade,
+            largest=(widest, TALL * widest),
+            recess=self.recess,
+            depth=self.depth,
+            least=self.min_recess,
+            front_depth=self.front_depth,
+            metre=cloud.metre,
+        )
+        made = openings(
+            relief,
+            shade,
+            min_width=self.min_width,
+            max_width=self.max_width,
+            tallest=TALL * widest,
+            fewest=self.min_points,
+            recess=self.recess,
+            depth=self.depth,
+            ctx=ctx,
+        )
+        return _Seen(int(numbers[front.members[0]]), near, relief, made)
 
     def _shades(self, some: NDArray[np.bool_]) -> Floats | None:
         """Logarithm of the intensity of the points, if it tells anything of those on planes."""
@@ -389,8 +409,9 @@ class PlanesOpenings:
         if not sided and (made.found or made.dropped):
             log.warning(
                 "from which side front %d was seen is not told by ground before it, nor by what "
-                "stands back in its gaps: it may be drawn from behind, left for right, and "
-                "openings be missed; give points of the street with it",
+                "stands back in its gaps: it is drawn as seen from where more openings are, and "
+                "may be drawn from behind, left for right, with openings missed; give points of "
+                "the street with it",
                 number,
             )
 
@@ -664,6 +685,11 @@ class _Seen(NamedTuple):
     near: Ints
     relief: Relief
     made: Openings
+
+    @property
+    def sure_area(self) -> float:
+        """Area of its openings, each as far as it is sure: none from behind a wall."""
+        return sum(one.certainty * float(one.shape.area) for one in self.made.found)
 
     @property
     def spacing(self) -> float:

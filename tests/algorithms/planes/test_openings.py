@@ -1162,6 +1162,25 @@ def test_an_opening_of_no_known_size_is_not_sure(
     assert one.row(front, 1.0)["certainty"] == certainty  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_a_front_without_a_street_is_seen_from_where_its_openings_are(
+    way: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Boxes with flowers stand before its panes, as many as these: neither tells the side."""
+    rng = np.random.default_rng(11)
+    wall, parts = flat((0, 0, 10, 4), 1500, 0.0, rng), []
+    for left in (1.0, 4.0, 7.0):
+        box = (left, 1.0, left + 1.5, 2.5)
+        inside = (wall[:, [0, 2]] > box[:2]) & (wall[:, [0, 2]] < box[2:])
+        wall = wall[~inside.all(axis=1)]
+        parts += [flat(box, 600, 0.12, rng), flat(box, 600, -0.4, rng)]
+    xyz = np.vstack([wall, *parts]) * [1.0, way, 1.0]
+    ids = np.repeat([1, 2, 0, 2, 0, 2, 0], [len(part) for part in (wall, *parts)]).astype(np.int32)
+    out = found(PointCloud(xyz + FAR, {"plane_id": ids}, crs=UTM))
+    assert out.openings.frame.width.tolist() == pytest.approx([1.5] * 3, abs=0.1)
+    assert any(text.startswith("from which side front 1") for text in caplog.messages)
+
+
 @pytest.mark.parametrize(("wide", "sure"), [(0.45, False), (0.55, True)])
 def test_an_opening_as_small_as_the_least_is_not_sure(wide: float, sure: bool) -> None:
     rng = np.random.default_rng(7)
@@ -1275,6 +1294,27 @@ def test_a_plane_through_a_wall_and_a_pane_beside_it_is_parted(wide: float, deep
     assert made[1].size[0] == pytest.approx(2.5 if parted else 2.5 + wide, abs=0.35)
     back = uv[:, 0] > 14.5
     assert ((numbers == 1) == ~back).mean() > (0.95 if parted else 0.0)
+    assert (numbers == ids).all() == (not parted)
+
+
+@pytest.mark.parametrize(
+    ("noise", "deep", "parted"),
+    [(0.03, 0.16, True), (0.03, 0.05, False), (0.005, 0.03, False)],
+    ids=["slanting", "no deeper than noise", "no noise"],
+)
+def test_a_small_plane_that_slants_through_wall_and_pane_is_parted_in_noise(
+    noise: float, deep: float, parted: bool
+) -> None:
+    """It is 1.2 m wide, half of it wall, and as a whole in the depth of the wall."""
+    rng = np.random.default_rng(2)
+    wall, rest = rng.random((2, 4000)) * [[12], [4]], rng.random((2, 800)) * [[1.2], [2.5]]
+    uv = np.hstack([wall, np.add(rest, [[12], [0]])]).T
+    away = np.where(uv[:, 0] > 12.7, deep, 0.0) + rng.normal(0, noise, len(uv))
+    ids = np.repeat([1, 2], [4000, 800])
+    parts = [_plane(k, uv, away, ids, None) for k in (0, 1)]
+    _, numbers = _parted(parts, uv, away, ids, None, (4.0, 6.0), 0.02)
+    back = uv[:, 0] > 12.7
+    assert ((numbers == 1) == ~back).mean() > (0.97 if parted else 0.0)
     assert (numbers == ids).all() == (not parted)
 
 

@@ -35,7 +35,8 @@ MUCH, OPEN = 0.1, 0.1  # shares of a front and of holes in it, of planes in one 
 NEAR = 0.25  # width of the largest opening, within which wall tells the depth of a piece beside it
 LIKE = 3.0  # standard deviations of the logarithm of intensity, within which a panel is wall
 FEW = 20_000  # points of a plane that tell its size
-SLANT = 2.0  # spread of a plane over that of the wall, if in noise it slants through wall and pane
+NOISY = 2.0  # spread of the wall over a third of the least step, from which on planes slant
+SLANT = 2.0  # spread of a small plane that slants through wall and pane, over that of the wall
 ROUNDS = 20  # squares from which one can be told what it is
 NEIGHBOUR = 1.0  # logarithm of the odds that a square around tells; 0.5 to 1 are alike
 SURE = 3.0  # logarithm of the odds, 20 to 1, of a point of wall whose square stands back
@@ -315,7 +316,7 @@ def _parted(
     spread = max(first.spread, least / SIGMAS)
     for part in parts[1:]:
         made.append(part)
-        slants = spread > least / SIGMAS and part.spread > SLANT * spread
+        slants = spread > NOISY * least / SIGMAS and part.spread > SLANT * spread
         if not (slants or (part.size > largest).any()):
             continue
         here = np.flatnonzero(ids == part.number + 1)

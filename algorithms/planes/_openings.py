@@ -284,7 +284,7 @@ def openings(
         doubts = (
             unlike <= ALIKE,
             _may_be_part(shape, shadows, SQUARES * front.side),
-            np.ptp(np.reshape(shape.bounds, (2, 2)), axis=0).min() < SMALL * min_width,
+            _narrower(shape, SMALL * min_width),
         )
         sure = one.certainty * OF_TWO ** sum(doubts)
         found.append(one._replace(certainty=sure, niche=unlike <= ALIKE))
@@ -306,6 +306,12 @@ def _without_strips(
     states = filled(states, found, WALL, BACK, POST * max_width / side)
     ends = side * np.array([(one.left, one.right) for one in found], float).reshape(-1, 2)
     return front._replace(states=states), ends
+
+
+def _narrower(shape: Any, limit: float) -> bool:
+    """Whether the width or the height of a shape is below a limit."""
+    left, bottom, right, top = shape.bounds
+    return bool(min(right - left, top - bottom) < limit)
 
 
 def crossed(shape: Any, shadows: Floats) -> Mask:

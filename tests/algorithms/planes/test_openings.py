@@ -1184,10 +1184,10 @@ def test_a_front_without_a_street_is_seen_from_where_its_openings_are(
 @pytest.mark.parametrize(("wide", "sure"), [(0.45, False), (0.55, True)])
 def test_an_opening_as_small_as_the_least_is_not_sure(wide: float, sure: bool) -> None:
     rng = np.random.default_rng(7)
-    wall, pane = flat((0, 0, 8, 4), 6000, 0.0, rng), (3.0, 1.0, 3.0 + wide, 2.0)
+    wall, pane = flat((0, 0, 4, 3), 6000, 0.0, rng), (1.5, 1.0, 1.5 + wide, 2.0)
     inside = (wall[:, [0, 2]] > pane[:2]) & (wall[:, [0, 2]] < pane[2:])
     wall, back = wall[~inside.all(axis=1)], flat(pane, 800, 0.12, rng)
-    street = np.column_stack([*(rng.random((2, 20_000)) * [[8], [-8]]), np.zeros(20_000)])
+    street = np.column_stack([*(rng.random((2, 20_000)) * [[4], [-8]]), np.zeros(20_000)])
     ids = np.repeat([1, 2, 0], [len(wall), len(back), len(street)]).astype(np.int32)
     xyz = np.vstack([wall, back, street])
     (one,) = found(PointCloud(xyz + FAR, {"plane_id": ids}, crs=UTM)).openings.frame.itertuples()

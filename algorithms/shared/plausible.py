@@ -312,12 +312,10 @@ def tell_of_ground(xyz: Floats, ground: Mask, strip: NDArray[np.uint16], metre: 
             CLEAR,
             TIMES,
         )
-    if problem := two_surfaces(xyz, ground, squares, metre):
-        log.warning("%s", problem)
-    elif problem := lifted_strip(ground, squares, strip):
-        log.warning("%s", problem)
-    if problem := sparse_ground(xyz, ground, metre):
-        log.warning("%s", problem)
+    layered = two_surfaces(xyz, ground, squares, metre) or lifted_strip(ground, squares, strip)
+    for problem in (layered, sparse_ground(xyz, ground, metre)):
+        if problem:
+            log.warning("%s", problem)
 
 
 def lifted_strip(ground: Mask, squares: Ints, strip: NDArray[np.uint16]) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,13 +47,10 @@ DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the fo
 DOOR_WIDTH = 0.8  # metres: the least clear width of a door, ISO 21542
 BREAST = 0.8  # metres: least height of the wall below a window, by codes of building
 EITHER = "door or window"  # kind of an opening whose foot was not seen
-UNBOUNDED = (
-    3  # sides that were not seen, or of those and unsure ones, of an opening of no known size
-)
-LOST = (
-    0.25  # how sure it is at most: 7 of 33 with three or four such sides, or both ends, were true
-)
-VAGUE = 0.5  # the same with three, some of them seen: 30 of 41 were true
+# Sides that were not seen, or of those and unsure ones, of an opening of no known size, and how
+# sure it is at most: 7 of 33 with three or four such sides, or both ends, were true, ...
+UNBOUNDED, LOST = 3, 0.25
+VAGUE = 0.5  # ... and 30 of 41 with three, some of them seen
 SMALL = 1.25  # least width or height of a sure opening over the least: of 13 such one was true
 OF_TWO = 0.5  # certainty of an opening that may be either, over that of one whose kind is known
 OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which it is another
@@ -61,6 +58,7 @@ SAME = 0.15  # distance of Kolmogorov and Smirnov of intensities of one wall; sh
 ALIKE = 0.5  # the same, up to which a flat back may be a niche of another paint as well
 FLAT = 0.95  # share of the points on the back of a niche that lie in one depth
 POST = 0.25  # width of a strip over that of the largest opening, that parts one at most: 1 m
+AS_WIDE = 0.2  # of a width, within which another opening is as wide: more than edges are off
 SHADOW = 0.5  # the same of a strip that is told
 UNSEEN = 0.5  # how sure an opening is in which nothing was seen, over one in which there was
 COLUMNS = (
@@ -264,26 +262,27 @@ def openings(
     here = np.flatnonzero(~front.own & (front.behind > 0) & (front.behind <= depth))
     before = ~front.own & (front.behind < -front.step) & (front.behind >= -recess)
     solid = front.uv[front.own | before]
-    front, shadows = _without_strips(front, min_width, max_width, tallest)
-    found, dropped = [], []
     limits = {"min_width": min_width, "max_width": max_width, "tallest": tallest}
-    for gap in gaps(front, **limits, recess=recess):
+    seen, shadows = _across_strips(front, limits, recess)
+    found, dropped = [], []
+    for gap, view, in_doubt in seen:
         ctx.progress(0.8)
-        shape = None if gap.dropped else _shape(gap, solid, front)
-        inside = here if shape is None else here[_in(shape, front.uv[here])]
-        inside = inside[front.behind[inside] > min(front.step, BEHIND * front.apart)]
+        shape = None if gap.dropped else _shape(gap, solid, view)
+        inside = here if shape is None else here[_in(shape, view.uv[here])]
+        inside = inside[view.behind[inside] > min(view.step, BEHIND * view.apart)]
         if reason := _reason(gap, shape, len(inside), min_width, max_width, fewest):
             dropped.append(gap._replace(dropped=reason))
             continue
-        unlike = 1.0 if shades is None else _unlike_wall(shape, inside, front, shades)
+        unlike = 1.0 if shades is None else _unlike_wall(shape, inside, view, shades)
         if unlike <= SAME:
             dropped.append(gap._replace(dropped=BLIND))
             continue
-        one = _described(gap, shape, inside, front, shades, recess)
-        one = _with_intervals(one, solid, front)
+        one = _described(gap, shape, inside, view, shades, recess)
+        one = _with_intervals(one, solid, view)
         doubts = (
+            in_doubt,
             unlike <= ALIKE,
-            _may_be_part(shape, shadows, SQUARES * front.side),
+            _may_be_part(shape, shadows, SQUARES * view.side),
             _narrower(shape, SMALL * min_width),
         )
         sure = one.certainty * OF_TWO ** sum(doubts)
@@ -295,17 +294,65 @@ def openings(
     return Openings(wall, found, dropped, _unseen(wall, parts, found, min_width), shadows)
 
 
-def _without_strips(
-    front: Relief, min_width: float, max_width: float, tallest: float
-) -> tuple[Relief, Floats]:
-    """The front with what is beside strips in the shadow of posts in these, and their ends."""
+def _across_strips(
+    front: Relief, limits: Mapping[str, float], recess: float
+) -> tuple[list[tuple[Gap, Relief, bool]], Floats]:
+    """Gaps of a front, and the left and right ends of strips in the shadow of posts.
+
+    Beside a strip there may be one opening or two, with a pier in between that nobody sees. Other
+    openings of the front tell by their widths: it is one if the whole is as wide as one of them and
+    the parts are not, and two the other way round. Else the parts stay, in doubt.
+
+    Returns
+    -------
+    list of gaps, each with the front in which it is seen and whether it is in doubt; array of shape
+    (m, 2)
+    """
     side = front.side
-    states = joined(front.states, BARE, WALL, min_width / side)
+    states = joined(front.states, BARE, WALL, limits["min_width"] / side)
     seen = np.isin(states, (WALL, BACK))
-    found = strips(seen, tallest / side, BRIDGE, SHADOW * max_width / side)
-    states = filled(states, found, WALL, BACK, POST * max_width / side)
-    ends = side * np.array([(one.left, one.right) for one in found], float).reshape(-1, 2)
-    return front._replace(states=states), ends
+    widest = SHADOW * limits["max_width"] / side
+    found = strips(seen, limits["tallest"] / side, BRIDGE, widest)
+    parted, whole = (
+        front._replace(states=filled(states, found, WALL, BACK, POST * width / side))
+        for width in (0.0, limits["max_width"])
+    )
+    shadows = side * np.array([(one.left, one.right) for one in found], float).reshape(-1, 2)
+    parts = gaps(parted, **limits, recess=recess)
+    if not found:
+        return [(gap, parted, False) for gap in parts], shadows
+    near = SQUARES * side
+    others = [
+        _width(gap.shape)
+        for gap in parts
+        if not (gap.dropped or _ends_at(gap.shape, shadows, near).any())
+    ]
+    made = {id(gap): (gap, parted, False) for gap in parts}
+    for gap in gaps(whole, **limits, recess=recess):
+        if gap.dropped or not crossed(gap.shape, shadows).any():
+            continue
+        own = [part for part in parts if part.shape.intersection(gap.shape).area > 0]
+        is_one, kept = _as_wide(gap, others), [part for part in own if not part.dropped]
+        are_two = bool(kept) and all(_as_wide(part, others) for part in kept)
+        if is_one and not are_two:
+            for part in own:
+                made.pop(id(part), None)
+            made[id(gap)] = (gap, whole, False)
+        elif is_one or not are_two:
+            made |= {id(part): (part, parted, True) for part in own if id(part) in made}
+    return sorted(made.values(), key=lambda one: one[0].shape.bounds[0]), shadows
+
+
+def _width(shape: Any) -> float:
+    """How wide a shape is."""
+    left, _, right, _ = shape.bounds
+    return float(right - left)
+
+
+def _as_wide(gap: Gap, widths: list[float]) -> bool:
+    """Whether a gap is as wide as one of others."""
+    width = _width(gap.shape)
+    return any(abs(width - other) <= AS_WIDE * other for other in widths)
 
 
 def _narrower(shape: Any, limit: float) -> bool:
@@ -336,11 +383,16 @@ def _may_be_part(shape: Any, shadows: Floats, near: float) -> bool:
     >>> [_may_be_part(window, np.array([strip]), 0.1) for strip in strips]
     [True, False, True, False]
     """
+    wider = shadows[:, 1] - shadows[:, 0] >= _width(shape)
+    return bool((crossed(shape, shadows) | (_ends_at(shape, shadows, near) & wider)).any())
+
+
+def _ends_at(shape: Any, shadows: Floats, near: float) -> Mask:
+    """At which strips an opening ends, for the parameters of `_may_be_part`."""
     left, _, right, _ = shape.bounds
     first, last = shadows.T
     ends = [(first - near <= side) & (side <= last + near) for side in (left, right)]
-    wider = last - first >= right - left
-    return bool((crossed(shape, shadows) | ((ends[0] | ends[1]) & wider)).any())
+    return np.asarray(ends[0] | ends[1])
 
 
 def _unseen(wall: Any, parts: Any, found: list[Opening], least: float) -> list[Any]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from algorithms.planes import _columns as columns
 from algorithms.planes import _parameters as options
-from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside, turn
+from algorithms.planes._fronts import DECISIVE, STOREY, UPRIGHT, Front, fronts_of, outside, turn
 from algorithms.planes._gaps import too_large
 from algorithms.planes._openings import (
     BLIND,
@@ -99,9 +99,11 @@ class PlanesOpenings:
     not share is not used.
 
     A strip without points over the height of a front, or higher than an opening may be, is in the
-    shadow of a post or a tree. What lies in it is taken for what lies on both sides of it: an
-    opening that it crosses is one, with half the certainty, if it is no wider than a quarter of
-    `max_width`. Of those that end at a wider one more may be hidden than is seen: half as well.
+    shadow of a post or a tree. One no wider than a quarter of `max_width` may cross an opening,
+    or hide the pier between two: it is one, with half the certainty, if the whole is as wide as
+    another opening of the front and the parts are not; two the other way round; else the parts stay
+    with half the certainty. Of those that end at a strip wider than themselves more may be hidden
+    than is seen: half as well.
 
     Each edge of a rectangle is where 95 of 100 rows of points end, but for those that go on alone,
     on the wall or no farther before it than `recess`, as on frames, timber and sills. Where
@@ -308,12 +310,12 @@ class PlanesOpenings:
                 self._looked_at(side, ranks, numbers, shades, step)
                 for side, step in zip(sides, steps, strict=True)
             ]
-            one = max(looks, key=lambda look: look.sure_area)
+            one = looks[-1] if looks[-1].sure_area > DECISIVE * looks[0].sure_area else looks[0]
             seen.append(one)
             relief, made = one.relief, one.made
             self._warn_of_side(number + 1, front.sided, made)
             self._warn_if_bent(number + 1, turn(front, planes, np.bincount(ranks)[1:]))
-            self._warn_if_sparse(number + 1, seen[-1].spacing)
+            self._warn_if_sparse(number + 1, one.spacing)
             self._warn_if_noisy(number + 1, relief.step / cloud.metre)
             self._warn_if_two_sided(number + 1, relief.twice())
             self._warn_of_screen(number + 1, relief.screen)
@@ -538,19 +540,24 @@ class PlanesOpenings:
 
     def _warn_of_strips(self, number: int, made: Openings) -> None:
         """Say so where posts or trees hide strips of a front over its whole height."""
-        if not len(made.strips):
-            return
-        parted = sum(bool(crossed(one.shape, made.strips).any()) for one in made.found)
         from_left = (made.strips[:, 0] - made.wall.bounds[0]) / self.points.metre
+        from_left = from_left[from_left >= 0]  # one beside its end is no part of it
+        if not len(from_left):
+            return
         log.warning(
             "strips of front %d without points over its height, as in the shadow of a post or a "
-            "tree: %d, from %s m on from its left end; openings that they cross: %d, each taken "
-            "for one though it may be two, with half the certainty",
+            "tree, or a slit or passage as high: %d, from %s m on from its left end",
             number,
-            len(made.strips),
+            len(from_left),
             ", ".join(f"{left:.1f}" for left in from_left),
-            parted,
         )
+        if parted := sum(bool(crossed(one.shape, made.strips).any()) for one in made.found):
+            log.warning(
+                "openings of front %d that these strips cross: %d, each taken for one though it "
+                "may be two, with half the certainty",
+                number,
+                parted,
+            )
         log.info("merge a scan that sees these strips of front %d, if there is one", number)
 
     def _warn_of_glass(self, number: int, planes: list[int]) -> None:

@@ -43,6 +43,11 @@ HALF, QUARTER = 0.5, 0.25  # a second layer has so many of the ground's points, 
 RISE = 0.5  # metres of height from one ground point to the next; see :func:`sparse_ground`
 TWICE = 1 / 3  # share of the squares; in real surveys 0.29 at most, with a half moved 0.39 at least
 LIFTED = 0.5  # share of the squares; in real surveys 0.01 at most, with a half moved 0.86 at least
+# Metres above the ground of others, from which on there are two surfaces; between the quartiles, of
+# the median: a line as a whole has some tenths.
+HIGHEST_LIFT, EVEN = 1.5, 0.5
+LOOKED_AT_POINTS = 2_000_000  # in squares drawn by a factor that scrambles their numbers
+SCRAMBLED = 40_503  # 2^16 over the golden ratio: numbers in a row fall far apart (Knuth 1973)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -312,51 +317,70 @@ def tell_of_ground(xyz: Floats, ground: Mask, strip: NDArray[np.uint16], metre: 
             CLEAR,
             TIMES,
         )
-    layered = two_surfaces(xyz, ground, squares, metre) or lifted_strip(ground, squares, strip)
+    layered = two_surfaces(xyz, ground, squares, metre) or lifted_strip(
+        xyz, ground, squares, strip, metre
+    )
     for problem in (layered, sparse_ground(xyz, ground, metre)):
         if problem:
             log.warning("%s", problem)
 
 
-def lifted_strip(ground: Mask, squares: Ints, strip: NDArray[np.uint16]) -> str | None:
-    """Whether a flight line has no ground where others have, as a clause; None if each has.
+def lifted_strip(
+    xyz: Floats, ground: Mask, squares: Ints, strip: NDArray[np.uint16], metre: float
+) -> str | None:
+    """Whether flight lines lie evenly above the ground of others, as a clause; None if none does.
 
     A line that lies half a metre above another leaves one surface too thick to be ground, and no
-    second one apart from it: ground is that of the lower line alone.
+    second one apart from it: ground is that of the lower line alone. So in most of the squares in
+    which others have ground it has none, and its lowest points lie at one height above theirs;
+    those on crowns do not.
 
     Parameters
     ----------
-    ground : array of shape (n,), the points that were found
-    squares : array of shape (n,), see :func:`squares_of`
     strip : array of shape (n,), the flight line of each point
+
+    The others are those of :func:`hidden_share`.
 
     Examples
     --------
-    >>> squares, strip = np.arange(4000) // 40, (np.arange(4000) % 2 + 7).astype(np.uint16)
-    >>> print(lifted_strip(strip == 7, squares, strip).partition(":")[0])
-    of flight line 8 no point is ground in 100 % of the squares of 4 m in which others have ground
-    >>> lifted_strip(np.arange(4000) % 3 == 0, squares, strip) is None
+    >>> xyz = np.array([[x / 2, y / 2, y % 2 / 2] for x in range(80) for y in range(80)])
+    >>> low, squares = xyz[:, 2] == 0, squares_of(xyz, 1.0)
+    >>> strip = np.where(low, 7, 8).astype(np.uint16)
+    >>> print(lifted_strip(xyz, low, squares, strip, 1.0).partition(" of other")[0])
+    points of flight line 8 lie some 0.5 m above the ground
+    >>> lifted_strip(xyz, np.ones(6400, bool), squares, strip, 1.0) is None
     True
     """
     if not len(strip) or strip.min() == strip.max():
         return None
-    some = np.flatnonzero(squares % (int(squares.max()) // LOOKED_AT + 1) == 0)
+    each = len(strip) // LOOKED_AT_POINTS + 1
+    some = np.flatnonzero((squares * SCRAMBLED >> 16) % each == 0)
     lines, line = np.unique(strip[some], return_inverse=True)
     places, place = grouped(squares[some] * len(lines) + line)
-    points, found = np.bincount(place), np.bincount(place, ground[some])
-    square = grouped(places // len(lines))[1]
-    of_others = np.bincount(square, found)[square] - found
-    asked = (points >= SOME) & (of_others >= SOME)
-    count = np.bincount(places[asked] % len(lines), minlength=len(lines))
-    without = np.bincount(places[asked & (found == 0)] % len(lines), minlength=len(lines))
-    share = np.where(count >= ENOUGH, without / np.maximum(count, 1), 0.0)
-    if share.max() <= LIFTED:
+    of_ground, square = ground[some], grouped(places // len(lines))[1]
+    points, found = np.bincount(place), np.bincount(place, of_ground)
+    others = np.bincount(square, found)[square] - found
+    low = ends(place, xyz[some], len(places))[0]
+    bottom = np.full(int(square.max()) + 1, np.inf)
+    np.minimum.at(bottom, square[place[of_ground]], xyz[some[of_ground], 2])
+    asked = (points >= SOME) & (others >= SOME)
+    lifted = {}
+    for number, name in enumerate(lines.tolist()):
+        own = asked & (places % len(lines) == number)
+        none = own & (found == 0)
+        if own.sum() < ENOUGH or none.sum() <= LIFTED * own.sum():
+            continue
+        quarters = np.percentile(low[none] - bottom[square[none]], (25, 50, 75)) / metre
+        if quarters[2] - quarters[0] <= EVEN * quarters[1] and quarters[1] <= HIGHEST_LIFT:
+            lifted[name] = quarters[1]
+    if not lifted:
         return None
+    names = ", ".join(str(name) for name in lifted)
     return (
-        f"of flight line {lines[share.argmax()]} no point is ground in {100 * share.max():.0f} % "
-        f"of the squares of {SQUARE:g} m in which others have ground: does it lie higher than "
-        "they do, or was there snow or a crop? compare them without classes "
-        "(points.survey_quality), and keep one or mend the heights"
+        f"points of flight line {names} lie some {max(lifted.values()):.1f} m above the ground of "
+        "other lines, and have none in most places: do their heights not fit, or was there "
+        "snow or a crop? compare them without classes (points.survey_quality), and keep one or "
+        "mend the heights"
     )
 
 

@@ -1196,12 +1196,18 @@ def test_an_opening_as_small_as_the_least_is_not_sure(wide: float, sure: bool) -
     assert (one.certainty > 0.45) is True
 
 
-def behind_a_post(wide: float, high: float = 9.0) -> PlanesOpenings.Outputs:
+def behind_a_post(
+    wide: float,
+    high: float = 9.0,
+    *,
+    lefts: tuple[float, ...] = (1.0, 4.0, 7.0),
+    width: float = 2.0,
+) -> PlanesOpenings.Outputs:
     """A wall of 10 by 7 m with six windows, two of them crossed by a strip without points."""
     rng = np.random.default_rng(3)
     wall, panes = flat((0, 0, 10, 7), 600, 0.0, rng), []
-    for left, bottom in itertools.product((1.0, 4.0, 7.0), (1.0, 4.0)):
-        box = (left, bottom, left + 2.0, bottom + 1.5)
+    for left, bottom in itertools.product(lefts, (1.0, 4.0)):
+        box = (left, bottom, left + width, bottom + 1.5)
         inside = (wall[:, [0, 2]] > box[:2]) & (wall[:, [0, 2]] < box[2:])
         wall = wall[~inside.all(axis=1)]
         panes.append(flat(box, 500, 0.12, rng))
@@ -1222,7 +1228,38 @@ def test_windows_in_the_shadow_of_a_post_are_whole_and_told(
     assert (frame.certainty < 0.6).tolist() == [False, False, True, True, False, False]
     (told,) = (text for text in caplog.messages if text.startswith("strips of front 1"))
     assert "1, from 4.8 m" in told
-    assert "cross: 2," in told
+    assert any("strips cross: 2," in text for text in caplog.messages)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_open_shutters_of_a_front_without_a_street_are_no_windows(seed: int) -> None:
+    """Seen from behind they are, and of the same area: which side it was had been chance."""
+    rng = np.random.default_rng(seed)
+    wall, parts = flat((0, 0, 10, 5), 600, 0.0, rng), []
+    for left in (1.0, 4.0, 7.0):
+        for first, last, depth in ((-0.5, 0.0, -0.06), (0.0, 1.0, 0.12), (1.0, 1.5, -0.06)):
+            box = (left + first, 1.5, left + last, 3.0)
+            inside = (wall[:, [0, 2]] > box[:2]) & (wall[:, [0, 2]] < box[2:])
+            wall = wall[~inside.all(axis=1)]
+            parts.append(flat(box, 500, depth, rng))
+    xyz = np.vstack([wall, *parts])
+    ids = np.repeat([1, 0], [len(wall), len(xyz) - len(wall)]).astype(np.int32)
+    frame = found(PointCloud(xyz + FAR, {"plane_id": ids}, crs=UTM)).openings.frame
+    assert frame.width.tolist() == pytest.approx([1.0] * 3, abs=0.05)
+
+
+def test_windows_on_both_sides_of_a_column_before_their_pier_are_two() -> None:
+    """They were one of 3.6 m: the pier is not seen, and what stands back is on both sides."""
+    frame = behind_a_post(0.5, lefts=(0.8, 3.2, 5.25, 7.6), width=1.6).openings.frame
+    assert frame.width.tolist() == pytest.approx([1.6] * 8, abs=0.2)
+    assert (frame.certainty > 0.9).all()
+
+
+@pytest.mark.parametrize("width", [1.6, 1.1])
+def test_where_no_other_opening_tells_there_may_be_one_or_two(width: float) -> None:
+    frame = behind_a_post(0.5, lefts=(5.0 - width,), width=2 * width).openings.frame
+    assert len(frame) == 4
+    assert (frame.certainty < 0.6).all()
 
 
 def test_windows_without_a_post_are_not_told(caplog: pytest.LogCaptureFixture) -> None:

@@ -331,7 +331,16 @@ def test_filters_tell_of_a_flight_line_that_lies_higher(
         caplog.clear()
         with caplog.at_level(logging.WARNING):
             catalog.load(id).make(points=cloud(made).with_attributes(lines)).run()
-        assert ("of flight line 12 no point is ground in" in caplog.text) == told
+        assert ("points of flight line 12 lie some 0.8 m above" in caplog.text) == told
+
+
+def lines(lost: float, squares: int, points: int, lift: Any = 0.5) -> tuple[Any, ...]:
+    """Points of two lines in squares 4 m apart, of which the second has ground in some."""
+    square = np.repeat(np.arange(squares), 2 * points)
+    strip = np.tile(np.repeat([3, 9], points), squares).astype(np.uint16)
+    ground = (strip == 3) | (square >= lost)
+    height = np.where(ground, 0.0, np.broadcast_to(lift, squares)[square])
+    return np.column_stack([4.0 * square, 0 * square, height]), ground, square, strip, 1.0
 
 
 @pytest.mark.parametrize(
@@ -346,18 +355,41 @@ def test_filters_tell_of_a_flight_line_that_lies_higher(
 def test_a_line_is_higher_if_it_has_no_ground_in_most_squares(
     lost: int, squares: int, points: int, told: bool
 ) -> None:
-    square = np.repeat(np.arange(squares), 2 * points)
-    strip = np.tile(np.repeat([3, 9], points), squares).astype(np.uint16)
-    ground = (strip == 3) | (square >= lost)
-    found = lifted_strip(ground, square, strip)
+    found = lifted_strip(*lines(lost, squares, points))
     assert (found is not None) == told
     if told:
-        assert f"of flight line 9 no point is ground in {lost} %" in str(found)
+        assert "points of flight line 9 lie some 0.5 m above" in str(found)
 
 
-def test_of_a_large_survey_some_squares_tell_of_a_higher_line() -> None:
-    square = np.repeat(np.arange(5000), 8)
-    strip = np.tile(np.repeat([3, 9], 4), 5000).astype(np.uint16)
-    for lost in (0.6, 0.4):
-        ground = (strip == 3) | (np.random.default_rng(1).random(5000)[square] >= lost)
-        assert (lifted_strip(ground, square, strip) is not None) == (lost > 0.5)
+@pytest.mark.parametrize(
+    ("least", "most", "told"),
+    [
+        (0.4, 0.6, True),
+        (0.2, 1.0, False),  # 0.4 m between the quartiles, two thirds of the median: low plants
+        (4.0, 9.0, False),  # crowns, or a wall that is seen from above its foot
+        (1.6, 1.7, False),  # two surfaces, which are told apart from this
+    ],
+)
+def test_a_line_is_higher_if_it_is_so_by_one_height(least: float, most: float, told: bool) -> None:
+    lift = np.random.default_rng(1).uniform(least, most, 100)
+    assert (lifted_strip(*lines(90, 100, 4, lift)) is not None) == told
+
+
+def test_all_higher_lines_are_named() -> None:
+    xyz, ground, square, strip, metre = lines(100, 100, 8)
+    strip[strip == 9] += (np.arange(800) % 2).astype(np.uint16)
+    assert "flight line 9, 10 lie some 0.5 m" in str(
+        lifted_strip(xyz, ground, square, strip, metre)
+    )
+
+
+@pytest.mark.parametrize("columns", [201, 334])
+def test_of_a_large_survey_squares_all_over_tell_of_a_higher_line(
+    columns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One square in a thousand had been one column for some widths of the survey."""
+    monkeypatch.setattr(plausible, "LOOKED_AT_POINTS", 8 * columns)
+    xyz, ground, square, strip, metre = lines(1000 * columns, 1000 * columns, 4)
+    apart = (square % columns < 20) | (square % columns > 40)
+    here = ~apart | (strip == 3)  # the higher line is in some columns
+    assert lifted_strip(xyz[here], ground[here], square[here], strip[here], metre) is not None

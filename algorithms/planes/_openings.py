@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,14 +13,10 @@ from scipy.spatial import KDTree
 
 from algorithms.planes._bands import is_slim
 from algorithms.planes._columns import SIDES
-from algorithms.planes._gaps import BRIDGE, Gap, gaps, in_grid
-from algorithms.planes._gaps import SAME as SQUARES
+from algorithms.planes._gaps import Gap, in_grid
 from algorithms.planes._outlines import outline
-from algorithms.planes._relief import BEHIND as BACK
-from algorithms.planes._relief import EMPTY as BARE
-from algorithms.planes._relief import WALL, Relief
-from algorithms.planes._rows import joined
-from algorithms.planes._strips import filled, strips
+from algorithms.planes._relief import Relief
+from algorithms.planes._strips import across_strips, may_be_part
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.error_measures import NORMAL
 from algorithms.shared.polygons import Polygons
@@ -57,9 +53,6 @@ OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which i
 SAME = 0.15  # distance of Kolmogorov and Smirnov of intensities of one wall; shutters have 0.25
 ALIKE = 0.5  # the same, up to which a flat back may be a niche of another paint as well
 FLAT = 0.95  # share of the points on the back of a niche that lie in one depth
-POST = 0.25  # width of a strip over that of the largest opening, that parts one at most: 1 m
-AS_WIDE = 0.2  # of a width, within which another opening is as wide: more than edges are off
-SHADOW = 0.5  # the same of a strip that is told
 UNSEEN = 0.5  # how sure an opening is in which nothing was seen, over one in which there was
 COLUMNS = (
     "kind",
@@ -263,7 +256,7 @@ def openings(
     before = ~front.own & (front.behind < -front.step) & (front.behind >= -recess)
     solid = front.uv[front.own | before]
     limits = {"min_width": min_width, "max_width": max_width, "tallest": tallest}
-    seen, shadows = _across_strips(front, limits, recess)
+    seen, shadows = across_strips(front, limits, recess)
     found, dropped = [], []
     for gap, view, in_doubt in seen:
         ctx.progress(0.8)
@@ -282,7 +275,7 @@ def openings(
         doubts = (
             in_doubt,
             unlike <= ALIKE,
-            _may_be_part(shape, shadows, SQUARES * view.side),
+            may_be_part(shape, shadows, view.side),
             _narrower(shape, SMALL * min_width),
         )
         sure = one.certainty * OF_TWO ** sum(doubts)
@@ -294,105 +287,10 @@ def openings(
     return Openings(wall, found, dropped, _unseen(wall, parts, found, min_width), shadows)
 
 
-def _across_strips(
-    front: Relief, limits: Mapping[str, float], recess: float
-) -> tuple[list[tuple[Gap, Relief, bool]], Floats]:
-    """Gaps of a front, and the left and right ends of strips in the shadow of posts.
-
-    Beside a strip there may be one opening or two, with a pier in between that nobody sees. Other
-    openings of the front tell by their widths: it is one if the whole is as wide as one of them and
-    the parts are not, and two the other way round. Else the parts stay, in doubt.
-
-    Returns
-    -------
-    list of gaps, each with the front in which it is seen and whether it is in doubt; array of shape
-    (m, 2)
-    """
-    side = front.side
-    states = joined(front.states, BARE, WALL, limits["min_width"] / side)
-    seen = np.isin(states, (WALL, BACK))
-    widest = SHADOW * limits["max_width"] / side
-    found = strips(seen, limits["tallest"] / side, BRIDGE, widest)
-    parted, whole = (
-        front._replace(states=filled(states, found, WALL, BACK, POST * width / side))
-        for width in (0.0, limits["max_width"])
-    )
-    shadows = side * np.array([(one.left, one.right) for one in found], float).reshape(-1, 2)
-    parts = gaps(parted, **limits, recess=recess)
-    if not found:
-        return [(gap, parted, False) for gap in parts], shadows
-    near = SQUARES * side
-    others = [
-        _width(gap.shape)
-        for gap in parts
-        if not (gap.dropped or _ends_at(gap.shape, shadows, near).any())
-    ]
-    made = {id(gap): (gap, parted, False) for gap in parts}
-    for gap in gaps(whole, **limits, recess=recess):
-        if gap.dropped or not crossed(gap.shape, shadows).any():
-            continue
-        own = [part for part in parts if part.shape.intersection(gap.shape).area > 0]
-        is_one, kept = _as_wide(gap, others), [part for part in own if not part.dropped]
-        are_two = bool(kept) and all(_as_wide(part, others) for part in kept)
-        if is_one and not are_two:
-            for part in own:
-                made.pop(id(part), None)
-            made[id(gap)] = (gap, whole, False)
-        elif is_one or not are_two:
-            made |= {id(part): (part, parted, True) for part in own if id(part) in made}
-    return sorted(made.values(), key=lambda one: one[0].shape.bounds[0]), shadows
-
-
-def _width(shape: Any) -> float:
-    """How wide a shape is."""
-    left, _, right, _ = shape.bounds
-    return float(right - left)
-
-
-def _as_wide(gap: Gap, widths: list[float]) -> bool:
-    """Whether a gap is as wide as one of others."""
-    width = _width(gap.shape)
-    return any(abs(width - other) <= AS_WIDE * other for other in widths)
-
-
 def _narrower(shape: Any, limit: float) -> bool:
     """Whether the width or the height of a shape is below a limit."""
     left, bottom, right, top = shape.bounds
     return bool(min(right - left, top - bottom) < limit)
-
-
-def crossed(shape: Any, shadows: Floats) -> Mask:
-    """Which strips an opening crosses, from one side to the other; array of shape (n,)."""
-    left, _, right, _ = shape.bounds
-    return np.asarray((left < shadows[:, 0]) & (shadows[:, 1] < right))
-
-
-def _may_be_part(shape: Any, shadows: Floats, near: float) -> bool:
-    """Whether an opening crosses a strip, or ends at one in which more of it may lie than is seen.
-
-    What crosses a strip may be two, with a pier in it.
-
-    Parameters
-    ----------
-    shadows : array of shape (n, 2), left and right end of each strip
-    near : distance from a strip of an opening that ends at it
-
-    Examples
-    --------
-    >>> window, strips = shapely.box(1, 1, 2, 2), [(1.2, 1.6), (2.0, 2.8), (-0.2, 0.95), (3, 5)]
-    >>> [_may_be_part(window, np.array([strip]), 0.1) for strip in strips]
-    [True, False, True, False]
-    """
-    wider = shadows[:, 1] - shadows[:, 0] >= _width(shape)
-    return bool((crossed(shape, shadows) | (_ends_at(shape, shadows, near) & wider)).any())
-
-
-def _ends_at(shape: Any, shadows: Floats, near: float) -> Mask:
-    """At which strips an opening ends, for the parameters of `_may_be_part`."""
-    left, _, right, _ = shape.bounds
-    first, last = shadows.T
-    ends = [(first - near <= side) & (side <= last + near) for side in (left, right)]
-    return np.asarray(ends[0] | ends[1])
 
 
 def _unseen(wall: Any, parts: Any, found: list[Opening], least: float) -> list[Any]:

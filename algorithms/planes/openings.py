@@ -27,7 +27,6 @@ from algorithms.planes._openings import (
     EITHER,
     OF_TWO,
     Openings,
-    crossed,
     marked,
     may_hide_door,
     openings,
@@ -37,6 +36,7 @@ from algorithms.planes._relief import Relief, relief_of
 from algorithms.planes._screen import Screen
 from algorithms.planes._segment import parts_of
 from algorithms.planes._shades import by_chance
+from algorithms.planes._strips import crossed
 from algorithms.shared.plane_fit import Plane
 from algorithms.shared.plane_numbers import plane_numbers
 from toolbox.context import QUIET, Context, log, setting_name
@@ -306,8 +306,10 @@ class PlanesOpenings:
             part = ctx.part(0.6 * number / len(fronts), 0.6 * (number + 1) / len(fronts))
             sides = (front,) if front.sided else (front, front.turned())
             steps = [part.part(k / len(sides), (k + 1) / len(sides)) for k in range(len(sides))]
+            near = _near(cloud.xyz, ranks, front, max(self.depth, self.front_depth))
+            shade = None if shades is None else shades[near]
             looks = [
-                self._looked_at(side, ranks, numbers, shades, step)
+                self._looked_at(side, near, ranks, numbers, shade, step)
                 for side, step in zip(sides, steps, strict=True)
             ]
             one = looks[-1] if looks[-1].sure_area > DECISIVE * looks[0].sure_area else looks[0]
@@ -332,16 +334,15 @@ class PlanesOpenings:
     def _looked_at(
         self,
         front: Front,
+        near: Ints,
         ranks: NDArray[np.int32],
         numbers: Ints,
-        shades: Floats | None,
+        shade: Floats | None,
         ctx: Context,
     ) -> _Seen:
-        """A front with its openings, as seen from the side its plane points to."""
+        """A front with its openings among the points near it, from the side its plane points to."""
         cloud = self.points
         widest = max(self.max_width, STOREY * cloud.metre)
-        near = _near(cloud.xyz, ranks, front, max(self.depth, self.front_depth))
-        shade = None if shades is None else shades[near]
         relief = relief_of(
             cloud.xyz[near],
             ranks[near],

@@ -361,8 +361,7 @@ def lifted_strip(
     points, found = np.bincount(place), np.bincount(place, of_ground)
     others = np.bincount(square, found)[square] - found
     low = ends(place, xyz[some], len(places))[0]
-    bottom = np.full(int(square.max()) + 1, np.inf)
-    np.minimum.at(bottom, square[place[of_ground]], xyz[some[of_ground], 2])
+    bottom = ends(square[place[of_ground]], xyz[some[of_ground]], int(square.max()) + 1)[0]
     asked = (points >= SOME) & (others >= SOME)
     lifted = {}
     for number, name in enumerate(lines.tolist()):

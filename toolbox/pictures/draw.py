@@ -187,12 +187,7 @@ def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> 
             panels += [_of_image(title, layer.crs, cloud_image(layer, way)) for way in ways]
         case Vector():
             coloured = layer, next((s for s in shows if isinstance(s, Colouring)), None)
-            if is_apart(shows):
-                alone: list[Drawn] = []
-                _add_vector(alone, title, coloured)
-                panels += alone
-            else:
-                _add_vector(panels, title, coloured)
+            _add_vector(panels, title, coloured, apart=is_apart(shows))
             made = [Sections.of(title, layer, s) for s in shows if isinstance(s, Profile)]
             panels += [chart for chart in made if chart]
         case Table():
@@ -230,7 +225,7 @@ def _of_image(title: str, crs: CRS | None, image: Image) -> Panel:
     return Panel(title, crs, in_proportion(image.bounds), image, ())
 
 
-def _add_vector(panels: list[Drawn], title: str, features: Coloured) -> None:
+def _add_vector(panels: list[Drawn], title: str, features: Coloured, *, apart: bool) -> None:
     """Add a vector layer to the last map if they overlap, or as a map; skip it without geometry."""
     layer = features[0]
     west, south, east, north = (float(value) for value in layer.frame.total_bounds)
@@ -238,18 +233,17 @@ def _add_vector(panels: list[Drawn], title: str, features: Coloured) -> None:
     if not np.isfinite(bounds).all():
         return
     last = panels[-1] if panels else None
-    above = isinstance(last, Panel) and (last.image is None or last.image.above)
     if (
         isinstance(last, Panel)
-        and above
+        and not (apart or last.apart)
+        and (last.image is None or last.image.above)
         and _meet(last.bounds, bounds)
         and _same_ground(last, layer)
     ):
         panels[-1] = last.under(title, features)
     elif not panels or west < east or south < north:  # a single place alone is no map
-        panels.append(
-            Panel(title, layer.crs, in_proportion(bounds, margin=_MARGIN), None, (features,))
-        )
+        around = in_proportion(bounds, margin=_MARGIN)
+        panels.append(Panel(title, layer.crs, around, None, (features,), apart))
 
 
 def _meet(one: Bounds, other: Bounds) -> bool:

@@ -39,13 +39,19 @@ LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for its
 
 @dataclass(frozen=True)
 class Panel:
-    """One map: its image, and the vector layers over it."""
+    """One map: its image, and the vector layers over it.
+
+    Attributes
+    ----------
+    apart : it is in coordinates of its own, so that no other layer lies over it
+    """
 
     title: str
     crs: CRS | None
     bounds: Bounds
     image: Image | None
     vectors: tuple[Coloured, ...]
+    apart: bool = False
 
     def under(self, title: str, vector: Coloured) -> Panel:
         """The map with one more vector layer on top."""

@@ -350,6 +350,19 @@ def test_outlines_without_heights_lie_over_a_map_with_heights(tmp_path: Path) ->
     assert read(tmp_path / "a.png").shape == read(tmp_path / "b.png").shape
 
 
+def test_nothing_lies_over_a_layer_in_coordinates_of_its_own(tmp_path: Path) -> None:
+    """Planes of a scan in local coordinates were drawn over its elevation."""
+    sides = geopandas.GeoDataFrame({"kind": ["wall"]}, geometry=[shapely.box(0, 0, 9, 6)])
+    elevation = Vector(sides.set_crs(LOCAL))
+    planes = outline(shapely.box(1, 1, 5, 4), crs=LOCAL)
+    widths = []
+    for apart in (False, True):
+        shows = (show.Classes("kind", apart=apart),)
+        draw({"elevation": (elevation, shows), "planes": planes}, tmp_path / "a.png")
+        widths.append(read(tmp_path / "a.png").shape[1])
+    assert widths[1] > 1.5 * widths[0], "two maps beside each other"
+
+
 @pytest.mark.parametrize(
     "vector",
     [

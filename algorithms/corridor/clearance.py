@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
 import numpy as np
@@ -42,6 +42,7 @@ from algorithms.corridor._clearance.hanging import (
 from algorithms.corridor._clearance.layers import apart, object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.missed import (
+    WireLike,
     columns_of,
     section,
     texts_of,
@@ -60,7 +61,14 @@ from algorithms.corridor._clearance.objects import (
     with_falls,
 )
 from algorithms.corridor._clearance.report import doubt, report_of, too_high
-from algorithms.corridor._clearance.rest import SURE, AtRest, Temperatures, band_of, extremes
+from algorithms.corridor._clearance.rest import (
+    SURE,
+    AtRest,
+    Band,
+    Temperatures,
+    band_of,
+    extremes,
+)
 from algorithms.corridor._clearance.rules import (
     BROKEN,
     KINDS,
@@ -143,6 +151,52 @@ class Grouped(TypedDict):
 
     gap: float
     fewest: int
+
+
+@dataclass(frozen=True)
+class _Near:
+    """What is near the wires of a line.
+
+    Attributes
+    ----------
+    found : the points that break a rule
+    least : the points nearest to each wire, and how near other lines are
+    low : severities of objects that are left out as they are too low
+    zones : numbers of points, see `count_in_zones`
+    band : distances from all that the wires may reach, see `band_of`
+    """
+
+    surroundings: Surroundings
+    line: LineStates
+    found: Violations
+    least: Least
+    crossings: list[Crossing]
+    low: list[str]
+    zones: NDArray[np.int64]
+    band: Band
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """The objects near a line.
+
+    Attributes
+    ----------
+    rules : those given, and those of trees that fall and of what hangs
+    found : the points of all objects
+    sure : objects of which it is known that they are none of the line
+    hanging : what may be of the line
+    """
+
+    rules: list[Rule]
+    found: Violations
+    sure: list[Object]
+    hanging: list[Object]
+
+    @property
+    def objects(self) -> list[Object]:
+        """All of them, those that are not sure last."""
+        return [*self.sure, *self.hanging]
 
 
 @tool(
@@ -523,46 +577,79 @@ class CorridorClearance:
             log.warning("%s", high)
         cloud = metric._cloud(line, rules, ctx.part(0.0, 0.3))
         surroundings = metric._surroundings(cloud, line, rules, ctx.part(0.3, 0.4))
-        found, least = metric._violations(surroundings, line, rules, ctx.part(0.4, 0.6))
-        crossings, from_lines = metric._crossings(line, rules, ctx.part(0.6, 0.62))
-        least = with_lines(least, from_lines)
-        low = metric._too_low(surroundings, line, rules, found, ctx.part(0.62, 0.66))
-        zones = count_in_zones(surroundings, line, ctx.part(0.66, 0.72))
-        reach, near = _measured(rules), ctx.part(0.72, 0.8)
-        band = band_of(surroundings, line, rules, found.point, least, reach=reach, ctx=near)
-        nearest = float(found.space.min(initial=math.inf))
-        objects = metric._objects(cloud, surroundings, found, rules)
-        if self.falling:
-            rules = [*rules, FALLING]
-            falls = metric._falls(surroundings, line, ctx.part(0.8, 0.89))
-            objects, found = with_falls(
-                surroundings, line, objects, found, falls, rules, point_sd=metric.point_sd
-            )
-        hanging, free = metric._hanging(surroundings, line, rules, ctx.part(0.89, 0.9))
-        rules = [*rules, HANGING] if hanging else rules
-        found = found.joined(free)
-        coverage = coverage_of(surroundings, rules, found, least, objects, crossings, zones)
+        near = metric._nearest(surroundings, line, rules, ctx.part(0.4, 0.8))
+        seen = metric._grouped_into_objects(cloud, near, rules, ctx.part(0.8, 0.9))
+        coverage = coverage_of(
+            surroundings, seen.rules, seen.found, near.least, seen.sure, near.crossings, near.zones
+        )
         for sentence in coverage.near:
             log.warning("near a wire: %s", sentence)
         like = wire_like(surroundings, line, ctx.part(0.9, 0.92))
         warn_of_wire_like(like)
-        spans = span_table(
+        current_known = self.survey_current is not None
+        rest = AtRest(temperatures, surveyed, current_known, near.band.may_break)
+        layers = metric._layers(cloud, near, seen, like)
+        page = report_of(
             surroundings,
             line,
-            rules,
-            least,
-            objects,
-            metric.point_sd,
-            band,
-            zones,
-            columns_of(metric.wires, like),
+            seen.rules,
+            seen.objects,
+            layers["objects"].frame,
+            layers["unsure"].frame,
+            layers["spans"],
+            near.least,
+            near.low,
+            conductor,
+            coverage,
+            section(texts_of(metric.wires, like)),
+            rest,
+            layers["crossings"].frame,
+            metric._basis(),
+            ctx.part(0.92, 1.0),
         )
-        lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
-        objects = [*objects, *hanging]
-        clump = clump_of_each(surroundings, objects, gap=metric.object_gap)
+        ctx.progress(1.0)
+        return self.Outputs(**layers, report=page, **self._counts(near, seen))
+
+    def _nearest(
+        self, surroundings: Surroundings, line: LineStates, rules: list[Rule], ctx: Context
+    ) -> _Near:
+        """What is near the wires, point by point and line by line."""
+        found, least = self._violations(surroundings, line, rules, ctx.part(0.0, 0.5))
+        crossings, from_lines = self._crossings(line, rules, ctx.part(0.5, 0.55))
+        least = with_lines(least, from_lines)
+        low = self._too_low(surroundings, line, rules, found, ctx.part(0.55, 0.65))
+        zones = count_in_zones(surroundings, line, ctx.part(0.65, 0.8))
+        reach, rest = _measured(rules), ctx.part(0.8, 1.0)
+        band = band_of(surroundings, line, rules, found.point, least, reach=reach, ctx=rest)
+        return _Near(surroundings, line, found, least, crossings, low, zones, band)
+
+    def _grouped_into_objects(
+        self, cloud: PointCloud, near: _Near, rules: list[Rule], ctx: Context
+    ) -> _Seen:
+        """The objects, among them trees that may fall and what hangs in mid-air."""
+        surroundings, line, found = near.surroundings, near.line, near.found
+        objects = self._objects(cloud, surroundings, found, rules)
+        if self.falling:
+            rules = [*rules, FALLING]
+            falls = self._falls(surroundings, line, ctx.part(0.0, 0.9))
+            objects, found = with_falls(
+                surroundings, line, objects, found, falls, rules, point_sd=self.point_sd
+            )
+        hanging, free = self._hanging(surroundings, line, rules, ctx.part(0.9, 1.0))
+        rules = [*rules, HANGING] if hanging else rules
+        return _Seen(rules, found.joined(free), objects, hanging)
+
+    def _layers(
+        self, cloud: PointCloud, near: _Near, seen: _Seen, like: WireLike
+    ) -> dict[str, Any]:
+        """The outputs that are layers and tables, by name; lengths of this tool are in metres."""
+        surroundings, line, rules, objects = near.surroundings, near.line, seen.rules, seen.objects
+        clump = clump_of_each(surroundings, objects, gap=self.object_gap)
         clumps = clumps_of(objects, clump)
-        others = of_their_clumps(surroundings, objects, band.may_break, clump)
-        ranks = rank_as_surveyed(surroundings, line, rules, found, objects, reach=reach)
+        others = of_their_clumps(surroundings, objects, near.band.may_break, clump)
+        ranks = rank_as_surveyed(
+            surroundings, line, rules, seen.found, objects, reach=_measured(rules)
+        )
         layer, unsure = apart(
             object_layer(
                 cloud,
@@ -574,50 +661,50 @@ class CorridorClearance:
                 like,
                 others,
                 ranks,
-                metric.wire_radius,
+                self.wire_radius,
             )
         )
-        missing = section(texts_of(metric.wires, like))
-        page = report_of(
+        missed = columns_of(self.wires, like)
+        spans = span_table(
             surroundings,
             line,
             rules,
-            objects,
-            layer.frame,
-            unsure.frame,
-            spans,
-            least,
-            low,
-            conductor,
-            coverage,
-            missing,
-            AtRest(temperatures, surveyed, self.survey_current is not None, band.may_break),
-            lines.frame,
-            metric._basis(),
-            ctx.part(0.92, 1.0),
+            near.least,
+            seen.sure,
+            self.point_sd,
+            near.band,
+            near.zones,
+            missed,
         )
-        ctx.progress(1.0)
-        severities = [rules[one.rule].severity for one in objects]
-        in_zones = zones[0].sum(axis=(0, 1)).tolist()
-        return self.Outputs(
-            violations=violation_cloud(cloud, surroundings, line, rules, found, objects, ranks),
-            objects=layer,
-            unsure=unsure,
-            crossings=lines,
-            spans=spans,
-            report=page,
-            object_count=sum(severity in BROKEN for severity in severities),
-            critical_count=severities.count(SEVERITIES[0]),
-            warning_count=severities.count("warning"),
-            watch_count=severities.count("watch"),
-            no_rule_count=severities.count(NO_RULE),
-            unsure_count=len(hanging),
-            crossing_count=sum(one.rule >= 0 for one in crossings),
-            low_object_count=len(low),
-            points_0_20=in_zones[0],
-            points_20_30=in_zones[1],
-            least_clearance=nearest * self.points.metre if math.isfinite(nearest) else None,
-        )
+        wires = self.wires
+        return {
+            "violations": violation_cloud(
+                cloud, surroundings, line, rules, seen.found, objects, ranks
+            ),
+            "objects": layer,
+            "unsure": unsure,
+            "crossings": crossing_layer(near.crossings, line, rules, wires.crs, wires.metre),
+            "spans": spans,
+        }
+
+    def _counts(self, near: _Near, seen: _Seen) -> dict[str, Any]:
+        """The outputs that are numbers, by name."""
+        severities = [seen.rules[one.rule].severity for one in seen.objects]
+        in_zones = near.zones[0].sum(axis=(0, 1)).tolist()
+        nearest = float(near.found.space.min(initial=math.inf))
+        return {
+            "object_count": sum(severity in BROKEN for severity in severities),
+            "critical_count": severities.count(SEVERITIES[0]),
+            "warning_count": severities.count("warning"),
+            "watch_count": severities.count("watch"),
+            "no_rule_count": severities.count(NO_RULE),
+            "unsure_count": len(seen.hanging),
+            "crossing_count": sum(one.rule >= 0 for one in near.crossings),
+            "low_object_count": len(near.low),
+            "points_0_20": in_zones[0],
+            "points_20_30": in_zones[1],
+            "least_clearance": nearest * self.points.metre if math.isfinite(nearest) else None,
+        }
 
     def _states(self, conductor: Conductor | None) -> tuple[LineStates, Temperatures, float | None]:
         """The line in all states, the temperatures it may have, and that of the survey if known."""

@@ -488,6 +488,11 @@ class Lines:
         "m",
         "from wires within which are their points: of clean single ones, of bundles and noisy ones",
     )
+    between: float = tried(
+        0.35,
+        "m",
+        "the same of thin wires in pairs, at which spans on poles are looked at once more",
+    )
     own_radius: float = tried(2.0, "tolerances", "around a wire that are its own")
     fewest_carriers: int = unlikely(3, "bodies", "below the wires of a ropeway")
     carriers_per_wire: float = built(0.5, "bodies", "below each wire of a ropeway")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
+from scipy.spatial import KDTree
 
 from algorithms.corridor._curves.arcs import arcs_of
 from algorithms.corridor._curves.catenary import Catenary
@@ -156,7 +157,7 @@ def at_tolerances(
 
     How far points lie off their wires depends on the scanner, and on whether the conductors are
     bundles. So wires are followed at each of several tolerances, and each span is taken at that
-    for which its points tell most.
+    for which its points tell most. See :func:`looked_again`, too.
     """
     tried: list[Tried] = []
     for k, tolerance in enumerate(tolerances):
@@ -172,7 +173,71 @@ def at_tolerances(
     lines: list[Line] = []
     for one in tried:
         lines = better(one.corridor, lines, one.knowing(seen, max_gap, ctx.part(1.0, 1.0)))
-    return lines
+    if len(tolerances) == 1:
+        return lines
+    return looked_again(corridor, voxel, lines, seen, max_gap, ctx.part(1.0, 1.0))
+
+
+def looked_again(
+    corridor: Corridor,
+    voxel: NDArray[np.int64],
+    lines: Sequence[Line],
+    seen: Sequence[Support],
+    max_gap: float,
+    ctx: Context,
+) -> list[Line]:
+    """The lines, those on poles with spans at one more tolerance, where their points tell more.
+
+    Thin wires in pairs scatter too much for the smaller tolerance, and at the larger one twigs and
+    roofs crowd them. What is found between alone may be of a crane, so it must hang at a support
+    that is seen or known.
+
+    Parameters
+    ----------
+    corridor, voxel : at the last of the other tolerances
+    seen : poles that are seen at any of these
+    """
+    near = near_poles(corridor, lines)[corridor.wires.order] & ~corridor.refused
+    if not near.any():
+        return list(lines)
+    may = corridor.may.copy()
+    may[may] = near
+    between = replace(corridor, may=may, tolerance=SETTINGS.lines.between)
+    pieces = followed(between, voxel[near], max_gap, ctx)
+    found = Tried(between, pieces, *lines_among(between, pieces, max_gap, ctx))
+    spans = [one for line in found.knowing(seen, max_gap, ctx) for one in spans_apart(line)]
+    before = [one for line in lines for one in spans_apart(line)]
+    known = [*seen, *(support for line in lines for support in line.supports)]
+    more = [
+        one
+        for same, other, _ in same_spans(between, before, spans)
+        for one in other
+        if same or is_held(one, known)
+    ]
+    return better(between, lines, more)
+
+
+def near_poles(corridor: Corridor, lines: Sequence[Line]) -> NDArray[np.bool_]:
+    """Which points above the ground are near, in plan, to spans that no tower holds."""
+    wires = [
+        wire.curve.points(np.arange(0.0, wire.curve.length, SETTINGS.curves.hanger_depth))[:, :2]
+        for line in lines
+        if all(is_pole(support.high - support.ground) for support in line.supports)
+        for wire in line.wires
+    ]
+    if not wires:
+        return np.zeros(len(corridor.air.xyz), bool)
+    reach = SETTINGS.network.longest_missing
+    tree = KDTree(np.concatenate(wires))
+    away, _ = tree.query(corridor.air.xyz[:, :2], distance_upper_bound=reach)
+    return np.asarray(away < reach)
+
+
+def is_held(span: Line, known: Sequence[Support]) -> bool:
+    """Whether a support of a span is seen, or is one that is known."""
+    near = SETTINGS.network.join_aside
+    pairs = itertools.product(span.supports, known)
+    return any(map(is_seen, span.supports)) or any(apart(one, other) < near for one, other in pairs)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pytest
 from algorithms.corridor import extract
 from algorithms.corridor._settings import SETTINGS, changed, names
 
-MOST = 168  # numbers; raise it with a reason alone
+MOST = 169  # numbers; raise it with a reason alone
 CODE = Path(extract.__file__).parent
 # Nothing but time, memory or how fine something is drawn hangs on these, or they are definitions.
 ELSEWHERE = {

@@ -37,6 +37,7 @@ class Scan(NamedTuple):
     intensity : array of shape (n,)
     true : points of each door and window, arrays of shape (m, 3)
     left : share of each that is in the cloud
+    second : how many of the last ones are of a front in another plane
     crs : of the points
     metre : in the unit of the points
     """
@@ -47,6 +48,7 @@ class Scan(NamedTuple):
     left: list[float]
     crs: Any = LOCAL
     metre: float = 1.0
+    second: int = 0
 
     def only(self, keep: NDArray[np.bool_]) -> Scan:
         """Some of its points, with all labels."""
@@ -144,6 +146,64 @@ def with_street(scan: Scan, rng: Rng) -> Scan:
     return scan._replace(xyz=np.vstack([scan.xyz, more]), intensity=shade)
 
 
+def beside(scan: Scan, other: Scan) -> Scan:
+    """Two fronts in one cloud."""
+    shade = np.concatenate([scan.intensity, other.intensity])  # type: ignore[list-item]
+    true, left = [*scan.true, *other.true], [*scan.left, *other.left]
+    return Scan(np.vstack([scan.xyz, other.xyz]), shade, true, left)
+
+
+def at_corner(scan: Scan, other: Scan, degrees: float) -> Scan:
+    """Another front at the right end of one, the angle of the house between them."""
+    wide = float(scan.xyz[:, 0].max())
+    there = turned(other, degrees - 180).moved(lambda xyz: np.add(xyz, (wide, 0, 0)))
+    return beside(scan, there)._replace(second=len(other.true))
+
+
+def in_row(scan: Scan, other: Scan, step: float) -> Scan:
+    """Another front to the right of one, farther back by a step."""
+    wide = float(scan.xyz[:, 0].max()) + 0.2
+    return beside(scan, other.moved(lambda xyz: np.add(xyz, (wide, step, 0))))
+
+
+def across_the_street(scan: Scan, other: Scan) -> Scan:
+    """Another front on the other side of a street, which looks at one."""
+    there = turned(other, 180).moved(lambda xyz: np.add(xyz, (8, -2 * STREET, 0)))
+    return beside(scan, there)._replace(second=len(other.true))
+
+
+def with_back_wall(scan: Scan, rng: Rng) -> Scan:
+    """A wall of the house 8 m behind its front, without openings."""
+    wide, high = scan.xyz[:, [0, 2]].max(axis=0)
+    wall = rng.random((int(400 * wide * high), 3)) * [wide, 0, high] + [0, 8, 0]
+    wall += rng.normal(0.0, 0.005, wall.shape)
+    return beside(scan, Scan(wall, np.full(len(wall), 20000, np.uint16), [], []))
+
+
+def with_far_points(scan: Scan, rng: Rng) -> Scan:
+    """One point in a hundred anywhere in the box and 3 m around it."""
+    low, high = scan.xyz.min(axis=0) - 3, scan.xyz.max(axis=0) + 3
+    far = rng.uniform(low, high, (len(scan.xyz) // 100, 3))
+    return beside(scan, Scan(far, np.full(len(far), 20000, np.uint16), [], []))
+
+
+def leaning(scan: Scan, degrees: float) -> Scan:
+    """Its top farther back than its foot."""
+    slope = math.tan(math.radians(degrees))
+    return scan.moved(lambda xyz: xyz + xyz[:, 2:] * [0, slope, 0])
+
+
+def of_two_scans(scan: Scan, apart: float, rng: Rng) -> Scan:
+    """Half of its points farther back than the others, as of scans that do not fit."""
+    return scan._replace(xyz=scan.xyz + np.outer(rng.random(len(scan.xyz)) < 0.5, (0, apart, 0)))
+
+
+def sparser_above(scan: Scan, rng: Rng) -> Scan:
+    """Points fewer with the square of the distance to a scanner 6 m before its foot."""
+    away = 36 + scan.xyz[:, 2] ** 2
+    return scan.only(rng.random(len(away)) < 36 / away)
+
+
 def in_feet(scan: Scan) -> Scan:
     made = scan.moved(lambda xyz: xyz / FOOT)
     return made._replace(crs=parse_crs("local:ft"), metre=1 / FOOT)
@@ -158,8 +218,8 @@ def shuffled_intensity(scan: Scan, rng: Rng) -> Scan:
     return scan._replace(intensity=rng.permutation(scan.intensity))
 
 
-def variants(scan: Scan) -> Iterator[tuple[str, Callable[[Rng], Scan]]]:
-    """Name and maker of each change."""
+def variants(scan: Scan, other: Scan) -> Iterator[tuple[str, Callable[[Rng], Scan]]]:
+    """Name and maker of each change; `other` is the other labelled front."""
     wide, high = scan.xyz[:, [0, 2]].max(axis=0)
     yield "as measured", lambda rng: scan
     for degrees in (17, 41, 90):
@@ -198,6 +258,26 @@ def variants(scan: Scan) -> Iterator[tuple[str, Callable[[Rng], Scan]]]:
         "1/2, 2 cm, turned by 41",
         lambda rng: turned(scattered(thinned(scan, 0.5, rng), 0.02, rng), 41),
     )
+    for degrees in (60, 90, 120):
+        yield f"corner of {degrees}", lambda rng, d=degrees: at_corner(scan, other, d)  # type: ignore[misc]
+    for step in (0.5, 2.0):
+        yield f"row, step {step} m", lambda rng, s=step: in_row(scan, other, s)  # type: ignore[misc]
+    yield "both sides of a street", lambda rng: across_the_street(scan, other)
+    yield "back wall", lambda rng: with_back_wall(scan, rng)
+    yield "far points", lambda rng: with_far_points(scan, rng)
+    yield "leaning by 2", lambda rng: leaning(scan, 2)
+    for apart in (1, 3):
+        yield f"two scans {apart} cm off", lambda rng, a=apart: of_two_scans(scan, a / 100, rng)  # type: ignore[misc]
+    yield "sparser above", lambda rng: sparser_above(scan, rng)
+    yield "all points twice", lambda rng: beside(scan, scan._replace(true=[], left=[]))
+    yield "rounded to 1 cm", lambda rng: scan._replace(xyz=np.round(scan.xyz, 2))
+    for name, at in (("left", 0.3), ("right", 0.7)):
+        yield (
+            f"without the {name}",
+            lambda rng, n=name, a=at: cropped(  # type: ignore[misc]
+                scan, lambda xyz: (xyz[:, 0] > a * wide) == (n == "left")
+            ),
+        )
 
 
 class Judged(NamedTuple):
@@ -223,10 +303,19 @@ def judged(scan: Scan, **settings: Any) -> Judged:
     found = [
         shapely.get_coordinates(s, include_z=True) / scan.metre for s in out.openings.frame.geometry
     ]
-    whole = [one / scan.metre for one, s in zip(scan.true, scan.left, strict=True) if s >= WHOLE]
-    cut = [one / scan.metre for one, s in zip(scan.true, scan.left, strict=True) if CUT < s < WHOLE]
-    made, wrong = compared(whole, found, cut)
+    first = len(scan.true) - scan.second
+    scores, wrong = [], []
+    for part in (slice(0, first), slice(first, None))[: 1 + bool(scan.second)]:
+        labels = [
+            (t / scan.metre, s) for t, s in zip(scan.true[part], scan.left[part], strict=True)
+        ]
+        whole = [one for one, share in labels if share >= WHOLE]
+        made, own = compared(whole, found, [one for one, s in labels if CUT < s < WHOLE])
+        scores.append(made)
+        wrong += own
     certain = out.openings.frame["certainty"].to_numpy()[wrong] >= SURE
+    right, true, seen = (sum(column) for column in list(zip(*scores, strict=True))[:3])
+    made = Score(right, true, seen, float(np.mean([one.iou for one in scores])))
     return Judged(made, int(certain.sum()), planes.count, out.fronts, told)
 
 
@@ -261,7 +350,7 @@ def front_stability(*options: str) -> None:
     for number in given.fronts:
         scan = read(number)
         every = []
-        for name, make in variants(scan):
+        for name, make in variants(scan, read(3 - number)):
             if given.only not in name:
                 continue
             for draw in given.draws:

@@ -127,7 +127,7 @@ def sort_into_cells(
     origin = low if origin is None else origin
     near -= origin
     ctx.progress(0.5)
-    noise, gap = _scales(near, keys, side) if noise is None else (noise, 0.0)
+    noise, gap = _scales(*_once_each(near, keys), side) if noise is None else (noise, 0.0)
     deepest = kernels.LEVELS
     if noise > 0:
         deepest = min(max(0, math.floor(math.log2(side / (THIN * noise)))), deepest)
@@ -164,6 +164,12 @@ def _leaves(keys: NDArray[np.uint64], most: int, deepest: int) -> tuple[Ints, In
     count = kernels.leaves(keys, most, deepest, starts, levels)
     starts[count] = len(keys)
     return starts[: count + 1].copy(), levels[:count].copy()
+
+
+def _once_each(xyz: Floats, keys: NDArray[np.uint64]) -> tuple[Floats, NDArray[np.uint64]]:
+    """Sorted points and their keys without repeated points, which make no scan denser."""
+    again = np.append(False, (keys[1:] == keys[:-1]) & (xyz[1:] == xyz[:-1]).all(axis=1))
+    return (xyz[~again], keys[~again]) if again.any() else (xyz, keys)
 
 
 def _scales(xyz: Floats, keys: NDArray[np.uint64], side: float) -> tuple[float, float]:

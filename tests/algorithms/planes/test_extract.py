@@ -641,6 +641,14 @@ def test_noisy_walls_are_not_joined_with_their_panes(
     assert (some[largest, 4] == 1).mean() > 0.75
 
 
+def test_points_that_come_twice_make_no_scan_denser() -> None:
+    """With all points twice neighbours were 0.7 times as far apart, and planes fell to pieces."""
+    rng = np.random.default_rng(4)
+    wall = rng.random((20_000, 3)) * [10, 0, 6] + rng.normal(0, 0.01, (20_000, 3))
+    once, twice = sort_into_cells(wall), sort_into_cells(np.vstack([wall, wall]))
+    assert (twice.noise, twice.apart) == (once.noise, once.apart)
+
+
 def test_larger_cells_tell_the_noise_only_by_more_than_chance() -> None:
     """Nine planes of 71 cells are no more than 25 of 279; 300 of 1252 are more than 50 of 5115."""
     assert not _Share(9 / 71, 71).clearly_over(_Share(25 / 279, 279))

@@ -168,8 +168,11 @@ def _leaves(keys: NDArray[np.uint64], most: int, deepest: int) -> tuple[Ints, In
 
 def _once_each(xyz: Floats, keys: NDArray[np.uint64]) -> tuple[Floats, NDArray[np.uint64]]:
     """Sorted points and their keys without repeated points, which make no scan denser."""
-    again = np.append(False, (keys[1:] == keys[:-1]) & (xyz[1:] == xyz[:-1]).all(axis=1))
-    return (xyz[~again], keys[~again]) if again.any() else (xyz, keys)
+    tied = 1 + np.flatnonzero(keys[1:] == keys[:-1])
+    again = tied[(xyz[tied] == xyz[tied - 1]).all(axis=1)]
+    if not len(again):
+        return xyz, keys
+    return np.delete(xyz, again, axis=0), np.delete(keys, again)
 
 
 def _scales(xyz: Floats, keys: NDArray[np.uint64], side: float) -> tuple[float, float]:

@@ -142,15 +142,20 @@ def with_street(scan: Scan, rng: Rng) -> Scan:
     faces += [car, hedge, np.add(post, [0.5 * size, -1.2, 0.0]), next_house]
     more = np.vstack(faces)
     more += rng.normal(0.0, 0.005, more.shape)
-    shade = np.append(scan.intensity, np.full(len(more), 20000)).astype(np.uint16)  # type: ignore[arg-type]
-    return scan._replace(xyz=np.vstack([scan.xyz, more]), intensity=shade)
+    return with_more(scan, more)
 
 
 def beside(scan: Scan, other: Scan) -> Scan:
     """Two fronts in one cloud."""
     shade = np.concatenate([scan.intensity, other.intensity])  # type: ignore[list-item]
     true, left = [*scan.true, *other.true], [*scan.left, *other.left]
-    return Scan(np.vstack([scan.xyz, other.xyz]), shade, true, left)
+    xyz = np.vstack([scan.xyz, other.xyz])
+    return scan._replace(xyz=xyz, intensity=shade, true=true, left=left)
+
+
+def with_more(scan: Scan, xyz: Floats) -> Scan:
+    """More points, of no opening."""
+    return beside(scan, Scan(xyz, np.full(len(xyz), 20000, np.uint16), [], []))
 
 
 def at_corner(scan: Scan, other: Scan, degrees: float) -> Scan:
@@ -177,14 +182,13 @@ def with_back_wall(scan: Scan, rng: Rng) -> Scan:
     wide, high = scan.xyz[:, [0, 2]].max(axis=0)
     wall = rng.random((int(400 * wide * high), 3)) * [wide, 0, high] + [0, 8, 0]
     wall += rng.normal(0.0, 0.005, wall.shape)
-    return beside(scan, Scan(wall, np.full(len(wall), 20000, np.uint16), [], []))
+    return with_more(scan, wall)
 
 
 def with_far_points(scan: Scan, rng: Rng) -> Scan:
     """One point in a hundred anywhere in the box and 3 m around it."""
     low, high = scan.xyz.min(axis=0) - 3, scan.xyz.max(axis=0) + 3
-    far = rng.uniform(low, high, (len(scan.xyz) // 100, 3))
-    return beside(scan, Scan(far, np.full(len(far), 20000, np.uint16), [], []))
+    return with_more(scan, rng.uniform(low, high, (len(scan.xyz) // 100, 3)))
 
 
 def leaning(scan: Scan, degrees: float) -> Scan:

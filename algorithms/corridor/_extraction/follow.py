@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
-from scipy.spatial import KDTree
+from scipy.spatial import cKDTree
 
 from algorithms.corridor._curves.arcs import arcs_of
 from algorithms.corridor._curves.catenary import Catenary
@@ -197,7 +197,7 @@ def looked_again(
     corridor, voxel : at the last of the other tolerances
     seen : poles that are seen at any of these
     """
-    near = near_poles(corridor, lines)[corridor.wires.order] & ~corridor.refused
+    near = near_poles(corridor, lines) & ~corridor.refused
     if not near.any():
         return list(lines)
     may = corridor.may.copy()
@@ -205,20 +205,13 @@ def looked_again(
     between = replace(corridor, may=may, tolerance=SETTINGS.lines.between)
     pieces = followed(between, voxel[near], max_gap, ctx)
     found = Tried(between, pieces, *lines_among(between, pieces, max_gap, ctx))
-    spans = [one for line in found.knowing(seen, max_gap, ctx) for one in spans_apart(line)]
-    before = [one for line in lines for one in spans_apart(line)]
     known = [*seen, *(support for line in lines for support in line.supports)]
-    more = [
-        one
-        for same, other, _ in same_spans(between, before, spans)
-        for one in other
-        if same or is_held(one, known)
-    ]
-    return better(between, lines, more)
+    more = found.knowing(seen, max_gap, ctx)
+    return better(between, lines, more, alone=lambda span: is_held(span, known))
 
 
 def near_poles(corridor: Corridor, lines: Sequence[Line]) -> NDArray[np.bool_]:
-    """Which points above the ground are near, in plan, to spans that no tower holds."""
+    """Which points that may be wire are near, in plan, to spans that no tower holds."""
     wires = [
         wire.curve.points(np.arange(0.0, wire.curve.length, SETTINGS.curves.hanger_depth))[:, :2]
         for line in lines
@@ -226,10 +219,10 @@ def near_poles(corridor: Corridor, lines: Sequence[Line]) -> NDArray[np.bool_]:
         for wire in line.wires
     ]
     if not wires:
-        return np.zeros(len(corridor.air.xyz), bool)
+        return np.zeros(len(corridor.wires.xyz), bool)
     reach = SETTINGS.network.longest_missing
-    tree = KDTree(np.concatenate(wires))
-    away, _ = tree.query(corridor.air.xyz[:, :2], distance_upper_bound=reach)
+    tree = cKDTree(np.concatenate(wires))
+    away, _ = tree.query(corridor.wires.xyz[:, :2], distance_upper_bound=reach)
     return np.asarray(away < reach)
 
 
@@ -542,17 +535,27 @@ def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
     return [Line(*with_supports(own, supports)) for own in of_line.values()]
 
 
-def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> list[Line]:
+def better(
+    corridor: Corridor,
+    narrow: Sequence[Line],
+    wide: Sequence[Line],
+    alone: Callable[[Line], bool] = lambda span: True,
+) -> list[Line]:
     """Of spans at a smaller and a larger tolerance, those for which the points tell more.
 
     Spans that share most of their points are compared. A span has no more by reaching over a
     support, along what the other tolerance finds as the next span. Where a support is in a wrong
     place, the points lie farther from the arcs, and so tell less though they may be more. Wires
     that only the others find are kept.
+
+    Parameters
+    ----------
+    alone : whether a span that only the larger tolerance finds may be one
     """
     spans = [[one for line in lines for one in spans_apart(line)] for lines in (narrow, wide)]
     chosen, spare = [], []
-    for same, other, beside in same_spans(corridor, *spans):
+    for same, found_there, beside in same_spans(corridor, *spans):
+        other = found_there if same else list(filter(alone, found_there))
         more = not same or bool(
             other and evidence(corridor, other, beside) > evidence(corridor, same)
         )
